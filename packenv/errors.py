@@ -1,0 +1,44 @@
+"""The one error tree of RobotPack.
+
+Every mistake of the user's ends in an :class:`InputError` whose message is one line that names the
+file or value, what is wrong with it and what would be right. The command line prints that line and
+exits with code 2. "It cannot be packed" is not an error: it is an answer, and a plan holds it.
+"""
+
+from __future__ import annotations
+
+
+class RobotPackError(Exception):
+    """Root of all errors that RobotPack raises on purpose."""
+
+
+class InputError(RobotPackError):
+    """The user's input is wrong. The message is one line: where, what, and what would be right."""
+
+    def __init__(self, message: str) -> None:
+        """Store the message with every run of white space, line breaks included, as one space."""
+        super().__init__(" ".join(str(message).split()))
+
+
+class MeshError(InputError):
+    """A mesh file that cannot be used as the surface of a solid item."""
+
+
+class UnitError(MeshError):
+    """A mesh whose size says that its numbers are not metres."""
+
+
+class CatalogueError(InputError):
+    """A catalogue folder or its ``objects.csv`` is wrong."""
+
+
+class OrderError(InputError):
+    """An order file is wrong, or asks for an item that the catalogue does not hold."""
+
+
+class ContainerError(InputError):
+    """A container size or box id is wrong."""
+
+
+class PlanError(InputError):
+    """A plan file is wrong, or does not match the catalogue that it is read with."""

@@ -1,0 +1,264 @@
+"""Frozen records that the whole package shares.
+
+Units are SI throughout: metres, kilograms, radians. The container frame has its origin at the inner
+floor corner, z up. A *mesh frame* is the frame of the item's mesh file, scaled to metres.
+Arrays in these records are read-only by convention: whoever wants to change one copies it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from packenv.errors import ContainerError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Float32Array: TypeAlias = NDArray[np.float32]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Container:
+    """The box that is packed.
+
+    Attributes:
+        length: inner size along x, m.
+        width: inner size along y, m.
+        height: inner size along z, m.
+        name: box id from ``boxes.csv``, or None for a size that the user typed.
+    """
+
+    length: float
+    width: float
+    height: float
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that are not finite, not positive, or outside 1 cm to 2 m.
+
+        Raises:
+            ContainerError: a size is outside the range.
+        """
+        for axis, value in zip(("length", "width", "height"), self.size, strict=True):
+            if not (np.isfinite(value) and 0.01 <= value <= 2.0):
+                raise ContainerError(
+                    f"container {self.label}: {axis} is {value:g}, "
+                    "give metres between 0.01 and 2, as in 0.32x0.32x0.30"
+                )
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Inner (length, width, height), m."""
+        return (self.length, self.width, self.height)
+
+    @property
+    def volume(self) -> float:
+        """Inner volume, m³."""
+        return self.length * self.width * self.height
+
+    @property
+    def label(self) -> str:
+        """The box id where there is one, else the size as the user would type it."""
+        return self.name or "x".join(f"{s:g}" for s in self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A thing to pack: a closed surface with mass.
+
+    Attributes:
+        name: name in the catalogue.
+        vertices: (n, 3) float64, mesh frame, m.
+        faces: (m, 3) int64, counter-clockwise seen from outside.
+        volume: enclosed volume, m³.
+        mass: kg.
+        mass_estimated: True where no mass was given and the documented rule supplied it.
+        com: (3,) centre of mass under uniform density, mesh frame, m.
+        inertia: (3, 3) about the centre of mass, mesh axes, kg m².
+        sha256: hex digest of the mesh *as used* (vertices and faces after unit and repair).
+        file: the mesh file's name inside its catalogue folder.
+        repairs: what was repaired on loading, one phrase each; empty for a sound file.
+        notes: what a user should know but need not mend ("2 disjoint bodies: taken as one rigid item").
+    """
+
+    name: str
+    vertices: FloatArray
+    faces: IntArray
+    volume: float
+    mass: float
+    mass_estimated: bool
+    com: FloatArray
+    inertia: FloatArray
+    sha256: str
+    file: str
+    repairs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def extents(self) -> FloatArray:
+        """(3,) size of the axis-aligned bounding box in the mesh frame, m."""
+        extents: FloatArray = np.ptp(self.vertices, axis=0)
+        return extents
+
+
+@dataclass(frozen=True, eq=False)
+class StablePose:
+    """A planar-stable resting orientation (Goldberg et al. 1999), yaw left free.
+
+    Attributes:
+        rotation: (3, 3) mesh frame to resting frame; the support plane is horizontal.
+        probability: quasi-static probability of the whole group of near-equal poses, 0 to 1.
+        com_height: height of the centre of mass above the support plane, m.
+        members: number of hull facets that were grouped into this pose.
+    """
+
+    rotation: FloatArray
+    probability: float
+    com_height: float
+    members: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class OrientedItem:
+    """An item at one orientation with its conservative heightmaps.
+
+    The *oriented frame* is the mesh frame rotated by ``rotation`` and shifted so that the smallest
+    x, y and z of the item are 0. Cell (i, j) is the square [i, i+1] × [j, j+1] in units of the cell size.
+
+    Attributes:
+        item: name of the item.
+        pose_index: index into the item's stable poses.
+        yaw: rotation about z after the stable pose, rad.
+        rotation: (3, 3) mesh frame to container axes.
+        offset: (3,) p_oriented = rotation @ p_mesh + offset, m.
+        extents: (3,) size of the axis-aligned bounding box, m.
+        com: (3,) centre of mass in the oriented frame, m.
+        top: (w, h) float32, largest z of the item over each whole cell, m; 0 outside the footprint.
+        bottom: (w, h) float32, smallest z over each whole cell, m; +inf outside the footprint.
+        cell_size: m.
+    """
+
+    item: str
+    pose_index: int
+    yaw: float
+    rotation: FloatArray
+    offset: FloatArray
+    extents: FloatArray
+    com: FloatArray
+    top: Float32Array
+    bottom: Float32Array
+    cell_size: float
+
+    @property
+    def footprint(self) -> BoolArray:
+        """(w, h) bool, every cell that the item touches."""
+        inside: BoolArray = np.isfinite(self.bottom)
+        return inside
+
+    @property
+    def height(self) -> float:
+        """Largest value of the top heightmap, m (rounded up to the height quantum)."""
+        return float(self.top.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """An accepted pose of one item of the order.
+
+    Attributes:
+        item: name of the item.
+        instance: 1 for the first item of this name in the order, 2 for the second, and so on.
+        rotation: (3, 3) mesh frame to container frame.
+        position: (3,) p_container = rotation @ p_mesh + position, m.
+        corner: (3,) smallest x, y, z of the placed item in the container frame, m.
+        extents: (3,) size of its bounding box, m.
+        pose_index: index of the stable pose.
+        yaw: rad.
+        score: the heuristic's score, lower is better.
+        candidates: number of legal candidates that were compared.
+        route: ``first-pass`` or, from the fallback, ``later`` or ``5d`` (Alg. 4).
+    """
+
+    item: str
+    instance: int
+    rotation: FloatArray
+    position: FloatArray
+    corner: FloatArray
+    extents: FloatArray
+    pose_index: int
+    yaw: float
+    score: float
+    candidates: int
+    route: str = "first-pass"
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """An item of the order that is not in the plan.
+
+    Attributes:
+        item: name of the item.
+        instance: as in :class:`Placement`.
+        reason: a word for programs: ``larger-than-container`` or ``no-legal-candidate``.
+        detail: one sentence for people.
+    """
+
+    item: str
+    instance: int
+    reason: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class OrderLine:
+    """One line of an order: ``qty`` pieces of the item ``item``."""
+
+    item: str
+    qty: int
+
+
+@dataclass(frozen=True)
+class Order:
+    """A list of items, in the user's sequence.
+
+    Attributes:
+        lines: item names and quantities.
+        source: the file that it came from, for messages; None for an order made in code.
+    """
+
+    lines: tuple[OrderLine, ...]
+    source: Path | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every piece's item name, quantities written out, in the user's sequence."""
+        return tuple(line.item for line in self.lines for _ in range(line.qty))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Sequence, placements, and what was left over and why.
+
+    Attributes:
+        container: the box.
+        placements: in packing sequence.
+        leftovers: what did not fit.
+        settings: the configuration that produced the plan, JSON-able.
+        metrics: figures of the finished plan, JSON-able.
+    """
+
+    container: Container
+    placements: tuple[Placement, ...]
+    leftovers: tuple[Leftover, ...]
+    settings: dict[str, object] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        """True where every item of the order is placed."""
+        return not self.leftovers
