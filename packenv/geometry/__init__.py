@@ -1,0 +1,1 @@
+"""Geometry: meshes, stable poses, conservative heightmaps, collision."""

@@ -1,0 +1,1 @@
+"""Files: catalogues, orders, containers, plans, the viewer page and pictures."""

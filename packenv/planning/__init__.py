@@ -1,0 +1,1 @@
+"""Planning: container heightmap, candidates, scores, and the planner that joins them."""

@@ -1,0 +1,125 @@
+"""The user's cache of prepared items, one file for each mesh hash and discretization."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from packenv.config import HEIGHT_QUANTUM, GridConfig
+from packenv.errors import InputError
+from packenv.geometry.prepare import PreparedItem, prepare_item
+from packenv.types import Item, OrientedItem, StablePose
+
+_FORMAT = 1
+"""Raise this when poses or heightmaps change: files of another format are never read."""
+
+
+def default_folder() -> Path:
+    """The cache folder: ``ROBOTPACK_CACHE``, else the platform's cache folder for the user."""
+    if named := os.environ.get("ROBOTPACK_CACHE"):
+        return Path(named)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "robotpack"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "robotpack"
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "robotpack"
+
+
+class ItemCache:
+    """Prepared items on disk. A missing, torn or foreign file is made anew, never trusted."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """Use ``folder``, or the user's own cache folder."""
+        self.folder = folder or default_folder()
+
+    def path(self, item: Item, grid: GridConfig) -> Path:
+        """Where the prepared item of this mesh and this discretization is kept."""
+        recipe = f"{_FORMAT}|{item.sha256}|{grid.cell_size!r}|{grid.n_poses}|{grid.n_yaws}|{HEIGHT_QUANTUM!r}"
+        return self.folder / "prepared" / f"{hashlib.sha256(recipe.encode()).hexdigest()[:40]}.npz"
+
+    def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
+        """Read a prepared item; None where there is none that can be used."""
+        path = self.path(item, grid)
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                return _unpack(item, grid, stored["poses"], stored["orientations"], stored["maps"])
+        except (OSError, ValueError, KeyError, EOFError, IndexError):
+            return None
+        except Exception as problem:  # a torn zip raises its own classes
+            if type(problem).__module__.startswith(("zipfile", "zlib")):
+                return None
+            raise
+
+    def put(self, item: Item, grid: GridConfig, prepared: PreparedItem) -> None:
+        """Write a prepared item, whole or not at all.
+
+        Raises:
+            InputError: the cache folder cannot be written.
+        """
+        path = self.path(item, grid)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+            try:
+                with os.fdopen(handle, "wb") as stream:
+                    poses, orientations, maps = _pack(prepared)
+                    np.savez(stream, poses=poses, orientations=orientations, maps=maps)
+                Path(temporary).replace(path)
+            except BaseException:
+                Path(temporary).unlink(missing_ok=True)
+                raise
+        except OSError as problem:
+            raise InputError(
+                f"cache folder {self.folder} cannot be written ({problem.strerror}); "
+                "set ROBOTPACK_CACHE to a folder that can"
+            ) from None
+
+    def prepare(self, item: Item, grid: GridConfig) -> PreparedItem:
+        """Read a prepared item, or make and keep it."""
+        prepared = self.get(item, grid)
+        if prepared is None:
+            prepared = prepare_item(item, grid)
+            self.put(item, grid, prepared)
+        return prepared
+
+
+def _pack(prepared: PreparedItem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    poses = np.array([[*p.rotation.ravel(), p.probability, p.com_height, p.members] for p in prepared.poses])
+    rows = [
+        [o.pose_index, o.yaw, *o.top.shape, *o.rotation.ravel(), *o.offset, *o.extents, *o.com]
+        for o in prepared.orientations
+    ]
+    maps = np.concatenate([m.ravel() for o in prepared.orientations for m in (o.top, o.bottom)])
+    return poses, np.array(rows), maps
+
+
+def _unpack(
+    item: Item, grid: GridConfig, poses: np.ndarray, rows: np.ndarray, maps: np.ndarray
+) -> PreparedItem:
+    kept = tuple(StablePose(p[:9].reshape(3, 3), float(p[9]), float(p[10]), int(p[11])) for p in poses)
+    oriented = []
+    start = 0
+    for row in rows:
+        w, h = int(row[2]), int(row[3])
+        top, bottom = maps[start : start + 2 * w * h].reshape(2, w, h)
+        start += 2 * w * h
+        oriented.append(
+            OrientedItem(
+                item=item.name,
+                pose_index=int(row[0]),
+                yaw=float(row[1]),
+                rotation=row[4:13].reshape(3, 3),
+                offset=row[13:16],
+                extents=row[16:19],
+                com=row[19:22],
+                top=top,
+                bottom=bottom,
+                cell_size=grid.cell_size,
+            )
+        )
+    return PreparedItem(item.name, item.sha256, item.volume, kept, tuple(oriented))

@@ -1,0 +1,121 @@
+"""Candidate placements: the paper's 3DGridSearch (Alg. 2) over all orientations and translations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from packenv.planning import kernels
+from packenv.planning.container_map import ContainerMap, PolyphaseMap
+from packenv.types import Float32Array, FloatArray, IntArray, OrientedItem
+
+_FIT_TOLERANCE = 1e-9
+"""An item as tall as the container fits: this much (m) is rounding, not protrusion."""
+
+
+@dataclass(frozen=True, eq=False)
+class TranslationGrid:
+    """One orientation at every translation of the grid.
+
+    Attributes:
+        oriented: the item at this orientation.
+        surface: the container's polyphase map.
+        n_cells: number of footprint cells.
+        offsets: (n_cells,) where each footprint cell lies in the polyphase map at translation 0.
+        bottoms: (n_cells,) float32 bottom heightmap of the same cells, m.
+        z: (translations,) float32 lowest height at every translation, m. Translation (a, b) has index
+            a · stride + b; indices between two rows hold no translation.
+        legal: indices of the legal translations, ascending.
+    """
+
+    oriented: OrientedItem
+    surface: PolyphaseMap
+    n_cells: int
+    offsets: IntArray
+    bottoms: Float32Array
+    z: Float32Array
+    legal: IntArray
+
+    @classmethod
+    def search(cls, surface: PolyphaseMap, oriented: OrientedItem) -> TranslationGrid | None:
+        """Lowest z everywhere and which translations are legal; None where the footprint never fits."""
+        w, h = oriented.top.shape
+        nx, ny = surface.source.heights.shape
+        step, rows, stride = surface.step, surface.rows, surface.stride
+        across, along = (nx - w) // step + 1, (ny - h) // step + 1
+        if across < 1 or along < 1:
+            return None
+        limit = surface.source.container.height + _FIT_TOLERANCE - float(oriented.extents[2])
+        if limit < 0:
+            return None
+        offsets = np.empty(w * h, dtype=np.int64)
+        tops = np.empty(w * h, dtype=np.float32)
+        bottoms = np.empty(w * h, dtype=np.float32)
+        n = kernels.footprint_cells(oriented.top, oriented.bottom, step, rows, stride, offsets, tops, bottoms)
+        z = np.empty((across - 1) * stride + along, dtype=np.float32)
+        kernels.lowest_z(surface.heights, offsets, bottoms, n, z)
+        legal = np.flatnonzero(z.astype(np.float64) <= limit)
+        return cls(oriented, surface, n, offsets, bottoms, z, legal[legal % stride < along])
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """All legal candidates of one item: inside the container, top included, and free of overlap.
+
+    Attributes:
+        item: name of the item.
+        grids: one for each orientation whose footprint fits, in order of orientation.
+        grid_index: (n,) index into ``grids``.
+        ix: (n,) cell of the smallest x.
+        iy: (n,) cell of the smallest y.
+        z: (n,) float32 height of the lowest point, m.
+        cell_size: m.
+    """
+
+    item: str
+    grids: tuple[TranslationGrid, ...]
+    grid_index: IntArray
+    ix: IntArray
+    iy: IntArray
+    z: Float32Array
+    cell_size: float
+
+    def __len__(self) -> int:
+        """Number of candidates."""
+        return len(self.z)
+
+    @property
+    def xy_sum(self) -> FloatArray:
+        """(n,) X + Y of the corner, m: the tie-break of the scores."""
+        total: FloatArray = (self.ix + self.iy) * self.cell_size
+        return total
+
+
+def grid_search(surface: ContainerMap, orientations: Sequence[OrientedItem], step: int) -> Candidates:
+    """Find every legal candidate of an item (paper Alg. 2).
+
+    The order of the candidates is that of the loops of Alg. 2: orientation, then x, then y.
+
+    Args:
+        surface: the container heightmap.
+        orientations: the item at every orientation to try; at least one.
+        step: cells between tried translations.
+    """
+    polyphase = PolyphaseMap(surface, step)
+    found = (TranslationGrid.search(polyphase, oriented) for oriented in orientations)
+    grids = tuple(grid for grid in found if grid is not None)
+    counts = [len(grid.legal) for grid in grids]
+    legal = np.concatenate([grid.legal for grid in grids] or [np.empty(0, dtype=np.int64)])
+    z = np.concatenate([grid.z[grid.legal] for grid in grids] or [np.empty(0, dtype=np.float32)])
+    across, along = np.divmod(legal, polyphase.stride)
+    return Candidates(
+        item=orientations[0].item,
+        grids=grids,
+        grid_index=np.repeat(np.arange(len(grids)), counts),
+        ix=across * step,
+        iy=along * step,
+        z=z,
+        cell_size=surface.cell_size,
+    )
