@@ -240,6 +240,25 @@ class Order:
         return tuple(line.item for line in self.lines for _ in range(line.qty))
 
 
+@dataclass(frozen=True)
+class MeshRecord:
+    """What a plan keeps of an item, so that whoever reads it can tell whether the mesh is the same.
+
+    Attributes:
+        file: the mesh file's name inside the catalogue folder.
+        sha256: as in :class:`Item`.
+        volume: m³.
+        mass: kg.
+        mass_estimated: as in :class:`Item`.
+    """
+
+    file: str
+    sha256: str
+    volume: float
+    mass: float
+    mass_estimated: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """Sequence, placements, and what was left over and why.
@@ -250,6 +269,10 @@ class Plan:
         leftovers: what did not fit.
         settings: the configuration that produced the plan, JSON-able.
         metrics: figures of the finished plan, JSON-able.
+        catalogue: folder of the catalogue, or ``builtin``.
+        unit: the unit that the user gave for the catalogue's meshes, or None.
+        order: the order's lines.
+        meshes: the mesh of every item of the order, by item name.
     """
 
     container: Container
@@ -257,6 +280,10 @@ class Plan:
     leftovers: tuple[Leftover, ...]
     settings: dict[str, object] = field(default_factory=dict)
     metrics: dict[str, float] = field(default_factory=dict)
+    catalogue: str = "builtin"
+    unit: str | None = None
+    order: tuple[OrderLine, ...] = ()
+    meshes: dict[str, MeshRecord] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:

@@ -57,7 +57,8 @@ class TranslationGrid:
         z = np.empty((across - 1) * stride + along, dtype=np.float32)
         kernels.lowest_z(surface.heights, offsets, bottoms, n, z)
         legal = np.flatnonzero(z.astype(np.float64) <= limit)
-        return cls(oriented, surface, n, offsets, bottoms, z, legal[legal % stride < along])
+        inside = legal[legal % stride < along]
+        return cls(oriented, surface, n, offsets, bottoms, z, inside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +90,7 @@ class Candidates:
     @property
     def xy_sum(self) -> FloatArray:
         """(n,) X + Y of the corner, m: the tie-break of the scores."""
-        total: FloatArray = (self.ix + self.iy) * self.cell_size
-        return total
+        return np.multiply(self.ix + self.iy, self.cell_size, dtype=np.float64)
 
 
 def grid_search(surface: ContainerMap, orientations: Sequence[OrientedItem], step: int) -> Candidates:

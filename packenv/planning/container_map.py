@@ -68,12 +68,12 @@ class PolyphaseMap:
     @property
     def rows(self) -> int:
         """Cells of a sub-grid along x, margin included."""
-        return math.ceil(self.source.heights.shape[0] / self.step) + 2
+        return math.ceil(len(self.source.heights) / self.step) + 2
 
     @property
     def stride(self) -> int:
         """Cells of a sub-grid along y, margin included."""
-        return math.ceil(self.source.heights.shape[1] / self.step) + 2
+        return math.ceil(len(self.source.heights[0]) / self.step) + 2
 
     @cached_property
     def heights(self) -> Float32Array:

@@ -146,8 +146,8 @@ def _leftover(item: PreparedItem, instance: int, container: Container, cell_size
     if any(_fits(oriented, shape, container.height) for oriented in item.orientations):
         detail = f"no tried pose of {item.name} is free of overlap and inside {container.label} any more"
         return Leftover(item.name, instance, "no-legal-candidate", detail)
-    smallest = min(item.orientations, key=lambda o: float(o.extents.max())).extents
-    size = " x ".join(f"{e:.3f}" for e in smallest)
+    tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
+    size = " x ".join(f"{e:.3f}" for e in tightest)
     detail = f"{item.name} ({size} m) is larger than {container.label} in every tried orientation"
     return Leftover(item.name, instance, "larger-than-container", detail)
 

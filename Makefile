@@ -1,0 +1,46 @@
+# `make demo` packs a ten-item order and audits the plan; `make test` runs the tests.
+# Each sets up its own .venv from nothing.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+OUT := out
+
+.PHONY: demo test lint types layers slow clean
+
+demo: $(VENV)/.core
+	mkdir -p $(OUT)
+	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 --constraints overlap \
+	  --out $(OUT)/plan.json --html $(OUT)/plan.html --png $(OUT)/plan.png
+	$(BIN)/robotpack verify $(OUT)/plan.json
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2
+
+slow: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 -m slow
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+layers: $(VENV)/.dev
+	$(BIN)/lint-imports
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) install --constraint constraints.txt --editable .
+	touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) install --constraint constraints.txt --editable '.[dev,bench]'
+	touch $@ $(VENV)/.core
+
+clean:
+	rm -rf $(VENV) $(OUT)

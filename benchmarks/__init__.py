@@ -1,0 +1,1 @@
+"""Speed figures, printed as JSON: medians of CPU-seconds on one thread, and ratios inside one run."""

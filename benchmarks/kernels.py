@@ -1,0 +1,96 @@
+"""Speed of the search kernels: ``python -m benchmarks.kernels --json``.
+
+Lowest Z and HM for every translation of a 160 × 160-cell container at *every cell* (a step of 2 mm), for the
+four yaws of one pose. One row an item of the catalogue; ``cpu_s_median`` is the median over the items, on a
+container that is already half full.
+"""
+
+from __future__ import annotations
+
+from benchmarks import one_thread  # noqa: F401  isort: skip
+
+import argparse
+import json
+import statistics
+import sys
+import time
+
+import numpy as np
+
+from benchmarks.orders import random_orders
+from packenv.config import GridConfig
+from packenv.io.catalogues import open_catalogue
+from packenv.io.item_cache import ItemCache
+from packenv.planning.candidates import grid_search
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.scores import HEURISTICS
+from packenv.types import Container
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument(
+        "--json", action="store_true", help="accepted for symmetry: the output is always JSON"
+    )
+    arguments = parser.parse_args()
+
+    grid = GridConfig(n_poses=1)
+    catalogue = open_catalogue(arguments.catalogue)
+    cache = ItemCache()
+    items = {name: cache.prepare(catalogue.item(name), grid) for name in catalogue.names}
+    container = Container(0.32, 0.32, 0.30)
+    order = random_orders(sorted(items), 5, 1, seed=0)[0]
+    half_full = pack(
+        by_box_volume(order, items),
+        items,
+        container,
+        HEURISTICS["hm"],
+        cell_size=grid.cell_size,
+        step=grid.step_cells,
+    ).surfaces[-1]
+    rng = np.random.default_rng(0)
+
+    def evaluate(orientations: tuple) -> tuple[int, int]:
+        surface = ContainerMap(container, grid.cell_size, half_full.heights)
+        candidates = grid_search(surface, orientations, 1)
+        HEURISTICS["hm"](candidates, rng)
+        updates = sum(g.n_cells * g.z.size for g in candidates.grids)
+        return len(candidates), updates
+
+    rows = []
+    for name, item in items.items():
+        evaluate(item.orientations)
+        seconds = []
+        for _ in range(arguments.repeats):
+            start = time.process_time()
+            legal, updates = evaluate(item.orientations)
+            seconds.append(time.process_time() - start)
+        median = statistics.median(seconds)
+        cells = int(sum(o.footprint.sum() for o in item.orientations))
+        rows.append(
+            {
+                "item": name,
+                "footprint_cells": cells,
+                "legal_candidates": legal,
+                "cpu_s": median,
+                "giga_cell_updates_per_s": updates / median / 1e9,
+            }
+        )
+    report = {
+        "cells": [*half_full.heights.shape],
+        "step_cells": 1,
+        "orientations": grid.n_yaws,
+        "cpu_s_median": statistics.median(row["cpu_s"] for row in rows),
+        "cpu_s_max": max(row["cpu_s"] for row in rows),
+        "rows": rows,
+    }
+    print(json.dumps(report, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,144 @@
+"""Planning speed and success: ``python -m benchmarks.planning [--catalogue DIR] --json``.
+
+``cpu_s_median`` is the median CPU time of a whole 10-item plan with HM, reading the cached stable poses and
+heightmaps of its items from disk included. ``speedup_vs_reference`` is the median, over orders, of the
+reference's CPU time (see :mod:`benchmarks.reference`) divided by that of the product on the same order, in
+the same process.
+"""
+
+from __future__ import annotations
+
+from benchmarks import one_thread  # noqa: F401  isort: skip
+
+import argparse
+import json
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks import reference
+from benchmarks.orders import fitting, random_orders
+from packenv.config import GridConfig
+from packenv.io.catalogues import open_catalogue
+from packenv.io.containers import parse_container, read_boxes
+from packenv.io.item_cache import ItemCache
+from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.scores import HEURISTICS
+
+
+def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
+    """CPU-seconds of a call, and its result."""
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--container", default="0.32x0.32x0.30")
+    parser.add_argument("--orders", type=int, default=50, help="orders of each size")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[10, 16, 22, 28])
+    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
+    parser.add_argument("--reference-orders", type=int, default=3, help="orders that the reference packs too")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="JSON only, no table")
+    arguments = parser.parse_args()
+
+    grid = GridConfig()
+    container = parse_container(arguments.container, read_boxes())
+    catalogue = open_catalogue(arguments.catalogue)
+    meshes = {name: catalogue.item(name) for name in catalogue.names}
+
+    preparation = []
+    with tempfile.TemporaryDirectory() as folder:
+        cache = ItemCache(Path(folder))
+        cache.prepare(next(iter(meshes.values())), grid)  # compiles the kernels
+        for item in tqdm(meshes.values(), desc="preparing", disable=None):
+            cache.path(item, grid).unlink(missing_ok=True)
+            preparation.append(cpu(lambda item=item: cache.prepare(item, grid))[0])
+        items = {name: cache.get(item, grid) for name, item in meshes.items()}
+        names = fitting(items, container, grid)
+
+        def order_from_disk(order: list[str], heuristic: str) -> Any:
+            shelf = {name: cache.get(meshes[name], grid) for name in dict.fromkeys(order)}
+            return pack(
+                by_box_volume(order, shelf),
+                shelf,
+                container,
+                HEURISTICS[heuristic],
+                cell_size=grid.cell_size,
+                step=grid.step_cells,
+                seed=arguments.seed,
+            )
+
+        rows = []
+        for size in arguments.sizes:
+            orders = random_orders(names, size, arguments.orders, arguments.seed)
+            for heuristic in arguments.heuristics:
+                order_from_disk(orders[0], heuristic)
+                runs = [
+                    cpu(lambda order=order, heuristic=heuristic: order_from_disk(order, heuristic))
+                    for order in tqdm(orders, desc=f"{size} items, {heuristic}", disable=None)
+                ]
+                packings = [packing for _, packing in runs]
+                rows.append(
+                    {
+                        "items": size,
+                        "heuristic": heuristic,
+                        "cpu_s_median": statistics.median(seconds for seconds, _ in runs),
+                        "packed_share": sum(p.complete for p in packings) / len(packings),
+                        "item_share": sum(len(p.placements) for p in packings) / (size * len(packings)),
+                        "utilization": statistics.mean(p.utilization for p in packings),
+                    }
+                )
+
+        orders = random_orders(names, 10, arguments.orders, arguments.seed)
+        reading = [cpu(lambda o=o: [cache.get(meshes[n], grid) for n in o])[0] for o in orders]
+        ratios, slow = [], []
+        for order in tqdm(orders[: arguments.reference_orders], desc="reference", disable=None):
+            theirs, _ = cpu(lambda order=order: reference.plan(order, meshes, items, container, grid))
+            ours = statistics.median(
+                cpu(lambda order=order: order_from_disk(order, "hm"))[0] for _ in range(5)
+            )
+            slow.append(theirs)
+            ratios.append(theirs / ours)
+
+    head = next((r for r in rows if r["items"] == 10 and r["heuristic"] == "hm"), rows[0])
+    report = {
+        "catalogue": arguments.catalogue,
+        "container": container.label,
+        "orders": arguments.orders,
+        "cpu_s_median": head["cpu_s_median"],
+        "packed_share": head["packed_share"],
+        "speedup_vs_reference": statistics.median(ratios) if ratios else None,
+        "reference_cpu_s_median": statistics.median(slow) if slow else None,
+        "cache_reading_cpu_s_median": statistics.median(reading),
+        "preparation_cpu_s_an_item": {
+            "median": statistics.median(preparation),
+            "max": max(preparation),
+            "all": sum(preparation),
+        },
+        "items_that_do_not_fit_alone": sorted(set(meshes) - set(names)),
+        "rows": rows,
+    }
+    if not arguments.json:
+        for row in rows:
+            print(
+                f"{row['items']:>3} items  {row['heuristic']:<10} packed {row['packed_share']:6.1%}  "
+                f"utilization {row['utilization']:5.1%}  {row['cpu_s_median'] * 1e3:7.1f} ms",
+                file=sys.stderr,
+            )
+    print(json.dumps(report, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

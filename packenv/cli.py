@@ -1,0 +1,160 @@
+"""The ``robotpack`` command line: parsing and exit codes. The work is in :mod:`packenv.commands`.
+
+Exit codes: 0 done, 1 something could not be packed or a check failed, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from packenv import __version__
+from packenv.errors import RobotPackError
+
+HEURISTIC_NAMES = ("hm", "dblf", "mta", "minz", "first-fit", "random")
+UNIT_NAMES = ("m", "cm", "mm", "in")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: arguments without the program's name; None takes those of the process.
+
+    Returns:
+        The exit code.
+    """
+    arguments = _parser().parse_args(argv)
+    command = importlib.import_module(f"packenv.commands.{arguments.module}")
+    try:
+        code: int = command.run(arguments)
+        sys.stdout.flush()
+    except RobotPackError as problem:
+        print(f"robotpack: {problem}", file=sys.stderr)  # noqa: T201
+        return 2
+    except KeyboardInterrupt:
+        print("robotpack: stopped", file=sys.stderr)  # noqa: T201
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has gone (`robotpack ... | head`); say nothing more, not even at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="robotpack",
+        description="Pack real, non-convex items into a box, check the plan and look at it.",
+        epilog="Exit codes: 0 done, 1 something could not be packed or a check failed, 2 bad input.",
+    )
+    parser.add_argument("--version", action="version", version=f"robotpack {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_pack(commands)
+    _add_verify(commands)
+    _add_view(commands)
+    _add_items(commands)
+    return parser
+
+
+def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
+    parser.add_argument(
+        "--catalogue",
+        metavar="DIR",
+        default=default,
+        help="folder of meshes, with objects.csv or bare (default: %(default)s)"
+        if default
+        else "read the meshes from this folder, not from the one that the plan names",
+    )
+    parser.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
+
+
+def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    pack = commands.add_parser(
+        "pack",
+        help="plan the packing of an order",
+        description="Plan where and in which sequence every item of an order goes.",
+    )
+    pack.set_defaults(module="pack")
+    pack.add_argument("order", metavar="ORDER", type=Path, help="order file: CSV (item,qty) or JSON")
+    _catalogue_options(pack, "builtin")
+    pack.add_argument(
+        "--container",
+        default="auto",
+        metavar="SIZE|ID|auto",
+        help="inner size in metres (0.32x0.32x0.30), a box id, or auto: the smallest box that takes all "
+        "(default: %(default)s)",
+    )
+    pack.add_argument(
+        "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
+    )
+    pack.add_argument("--heuristic", choices=HEURISTIC_NAMES, default="hm", help="(default: %(default)s)")
+    pack.add_argument(
+        "--constraints",
+        choices=("overlap",),
+        default="overlap",
+        help="which constraints a placement must meet (default: %(default)s)",
+    )
+    pack.add_argument(
+        "--sequence",
+        choices=("volume", "given"),
+        default="volume",
+        help="by non-increasing bounding-box volume, or as the order gives it (default: %(default)s)",
+    )
+    pack.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="for heuristics that draw (default: 0)"
+    )
+    pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")
+    pack.add_argument(
+        "--html", type=Path, metavar="PAGE", help="write a page to look at the plan in a browser"
+    )
+    pack.add_argument("--png", type=Path, metavar="PICTURE", help="write a picture of the packed box")
+    pack.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_verify(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    verify = commands.add_parser(
+        "verify",
+        help="audit a plan from the meshes",
+        description="Recompute from the exact meshes, independently of the planner, whether items overlap, "
+        "stick out of the container, or could not be put in from above in the plan's sequence.",
+    )
+    verify.set_defaults(module="verify")
+    verify.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    _catalogue_options(verify, None)
+    verify.add_argument("--json", action="store_true", help="print the report as JSON")
+
+
+def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    view = commands.add_parser("view", help="write a page or picture of a plan")
+    view.set_defaults(module="view")
+    view.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    view.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="page (.html) or picture (.png) to write",
+    )
+    _catalogue_options(view, None)
+
+
+def _add_items(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    items = commands.add_parser("items", help="check or prepare the items of a catalogue")
+    actions = items.add_subparsers(metavar="ACTION", required=True)
+    check = actions.add_parser("check", help="list every mesh and what is wrong with it")
+    prepare = actions.add_parser("prepare", help="compute stable poses and heightmaps into the cache")
+    for action, module in ((check, "items_check"), (prepare, "items_prepare")):
+        action.set_defaults(module=module)
+        action.add_argument("catalogue", metavar="DIR", help="folder of meshes, or builtin")
+        action.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
+        action.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

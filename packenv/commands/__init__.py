@@ -1,0 +1,1 @@
+"""The subcommands of ``robotpack``, one module each; imported only when they are run."""

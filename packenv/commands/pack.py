@@ -1,0 +1,161 @@
+"""``robotpack pack``: from an order to a plan."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+
+from packenv.commands.loading import load_items, prepare_items
+from packenv.commands.output import say, say_json
+from packenv.config import GridConfig
+from packenv.geometry.prepare import PreparedItem
+from packenv.io.catalogues import open_catalogue
+from packenv.io.containers import parse_container, read_boxes
+from packenv.io.files import check_writable
+from packenv.io.orders import read_order
+from packenv.io.plans import plan_to_json, write_plan
+from packenv.planning.packer import Packing, by_box_volume, pack
+from packenv.planning.scores import HEURISTICS
+from packenv.types import Container, Item, MeshRecord, Order, Plan
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan an order; returns the exit code."""
+    for option in ("out", "html", "png"):
+        if (path := getattr(arguments, option)) is not None:
+            check_writable(path, f"--{option}")
+    catalogue = open_catalogue(arguments.catalogue, unit=arguments.unit)
+    order = read_order(arguments.order, catalogue.names)
+    boxes = read_boxes(arguments.boxes)
+    if arguments.container.lower() == "auto":
+        containers: Sequence[Container] = sorted(boxes, key=lambda box: box.volume)
+    else:
+        containers = [parse_container(arguments.container, boxes)]
+    grid = GridConfig()
+    items = load_items(catalogue, dict.fromkeys(order.names))
+    prepared = prepare_items(items, grid)
+    sequence = list(order.names)
+    if arguments.sequence == "volume":
+        sequence = by_box_volume(sequence, prepared)
+    packing = _smallest(
+        (_pack_into(box, sequence, prepared, grid, arguments) for box in containers), len(sequence)
+    )
+    plan = _plan(packing, order, items, catalogue.label, grid, arguments)
+    _write(plan, packing, items, grid, arguments)
+    if arguments.json:
+        say_json(plan_to_json(plan))
+    else:
+        _report(plan, arguments)
+    return 0 if plan.complete else 1
+
+
+def _pack_into(
+    container: Container,
+    sequence: Sequence[str],
+    prepared: dict[str, PreparedItem],
+    grid: GridConfig,
+    arguments: argparse.Namespace,
+) -> Packing:
+    return pack(
+        sequence,
+        prepared,
+        container,
+        HEURISTICS[arguments.heuristic],
+        cell_size=grid.cell_size,
+        step=grid.step_cells,
+        seed=arguments.seed,
+    )
+
+
+def _smallest(packings: Iterable[Packing], ordered: int) -> Packing:
+    """The first packing that holds every item; else the one that holds most, the smaller box first."""
+    best: Packing | None = None
+    for packing in packings:
+        if len(packing.placements) == ordered:
+            return packing
+        if best is None or len(packing.placements) > len(best.placements):
+            best = packing
+    assert best is not None, "there is always a container to try"
+    return best
+
+
+def _plan(
+    packing: Packing,
+    order: Order,
+    items: dict[str, Item],
+    catalogue: str,
+    grid: GridConfig,
+    arguments: argparse.Namespace,
+) -> Plan:
+    tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
+    return Plan(
+        container=packing.container,
+        placements=packing.placements,
+        leftovers=packing.leftovers,
+        settings={
+            "heuristic": arguments.heuristic,
+            "constraints": arguments.constraints,
+            "sequence": arguments.sequence,
+            "seed": arguments.seed,
+            "cell_size": grid.cell_size,
+            "grid_step": grid.grid_step,
+            "n_poses": grid.n_poses,
+            "n_yaws": grid.n_yaws,
+        },
+        metrics={
+            "ordered": len(order.names),
+            "packed": len(packing.placements),
+            "utilization": packing.utilization,
+            "height": max(tops, default=0.0),
+        },
+        catalogue=catalogue,
+        unit=arguments.unit,
+        order=order.lines,
+        meshes={
+            name: MeshRecord(item.file, item.sha256, item.volume, item.mass, item.mass_estimated)
+            for name, item in items.items()
+        },
+    )
+
+
+def _write(
+    plan: Plan,
+    packing: Packing,
+    items: dict[str, Item],
+    grid: GridConfig,
+    arguments: argparse.Namespace,
+) -> None:
+    if arguments.out is not None:
+        write_plan(arguments.out, plan)
+    if arguments.html is None and arguments.png is None:
+        return
+    from packenv.io.scene import build_scene
+
+    scene = build_scene(plan, items, [surface.heights for surface in packing.surfaces], grid.cell_size)
+    if arguments.html is not None:
+        from packenv.io.viewer import write_page
+
+        write_page(arguments.html, scene)
+    if arguments.png is not None:
+        from packenv.io.picture import render_plan_png
+
+        render_plan_png(arguments.png, scene)
+
+
+def _report(plan: Plan, arguments: argparse.Namespace) -> None:
+    packed, ordered = len(plan.placements), len(plan.placements) + len(plan.leftovers)
+    width = max([len(p.item) for p in plan.placements] + [len(left.item) for left in plan.leftovers] + [4])
+    say(f"{'step':>4}  {'item':<{width}}  {'corner x, y, z (m)':<21}  {'size (m)':<21}  yaw")
+    for step, p in enumerate(plan.placements, start=1):
+        corner = " ".join(f"{c:6.3f}" for c in p.corner)
+        size = " ".join(f"{e:6.3f}" for e in p.extents)
+        say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {p.yaw * 57.29577951308232:3.0f}°")
+    for left in plan.leftovers:
+        say(f"   -  {left.item:<{width}}  not packed: {left.detail}")
+    say(
+        f"packed {packed} of {ordered} items into {plan.container.label} with {arguments.heuristic}: "
+        f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
+    )
+    for option in ("out", "html", "png"):
+        if (path := getattr(arguments, option)) is not None:
+            say(f"wrote {path}")

@@ -1,0 +1,241 @@
+"""Plans as JSON files (schema version 1, described in docs/plan-format.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from packenv import __version__
+from packenv.errors import ContainerError, PlanError
+from packenv.io.files import write_whole
+from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan
+
+SCHEMA_VERSION = 1
+_UNITS = {"length": "m", "mass": "kg", "volume": "m3", "angle": "rad"}
+
+
+def write_plan(path: Path, plan: Plan) -> None:
+    """Write a plan. The catalogue's folder is kept relative to the plan file.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    document = plan_to_json(plan)
+    if plan.catalogue != "builtin":
+        document["catalogue"] = _relative(Path(plan.catalogue), path.parent)
+    write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+
+
+def plan_to_json(plan: Plan) -> dict[str, Any]:
+    """The plan as a JSON-able mapping."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "generator": f"robotpack {__version__}",
+        "units": dict(_UNITS),
+        "catalogue": plan.catalogue,
+        "unit": plan.unit,
+        "container": {"name": plan.container.name, "size": list(plan.container.size)},
+        "settings": plan.settings,
+        "order": [{"item": line.item, "qty": line.qty} for line in plan.order],
+        "meshes": {
+            name: {
+                "file": mesh.file,
+                "sha256": mesh.sha256,
+                "volume": mesh.volume,
+                "mass": mesh.mass,
+                "mass_estimated": mesh.mass_estimated,
+            }
+            for name, mesh in plan.meshes.items()
+        },
+        "steps": [_step_to_json(k, placement) for k, placement in enumerate(plan.placements, start=1)],
+        "leftovers": [
+            {"item": left.item, "instance": left.instance, "reason": left.reason, "detail": left.detail}
+            for left in plan.leftovers
+        ],
+        "metrics": plan.metrics,
+    }
+
+
+def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
+    return {
+        "step": step,
+        "item": placement.item,
+        "instance": placement.instance,
+        "position": placement.position.tolist(),
+        "quat_xyzw": Rotation.from_matrix(placement.rotation).as_quat(canonical=True).tolist(),
+        "corner": placement.corner.tolist(),
+        "extents": placement.extents.tolist(),
+        "stable_pose": placement.pose_index,
+        "yaw": placement.yaw,
+        "score": placement.score,
+        "candidates": placement.candidates,
+        "route": placement.route,
+    }
+
+
+def _relative(folder: Path, start: Path) -> str:
+    """``folder`` as seen from ``start``, or absolute where the two share no root (Windows drives)."""
+    try:
+        return Path(os.path.relpath(folder.resolve(), start.resolve())).as_posix()
+    except ValueError:
+        return folder.resolve().as_posix()
+
+
+def read_plan(path: Path) -> Plan:
+    """Read a plan. A relative catalogue folder is resolved against the plan file's folder.
+
+    Raises:
+        PlanError: the file is missing, not JSON, of another schema version, or a value is wrong.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as problem:
+        raise PlanError(f"{path}: cannot be read ({problem.strerror}), give a plan that pack wrote") from None
+    except UnicodeDecodeError:
+        raise PlanError(f"{path}: is not text, give a plan that pack wrote") from None
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise PlanError(f"{path}: is not JSON ({problem}), give a plan that pack wrote") from None
+    if not isinstance(document, dict) or "schema_version" not in document:
+        raise PlanError(f"{path}: has no schema_version, give a plan that pack wrote")
+    if document["schema_version"] != SCHEMA_VERSION:
+        raise PlanError(
+            f"{path}: schema_version is {document['schema_version']!r}, this version reads {SCHEMA_VERSION}"
+        )
+    plan = _Reader(path).plan(document)
+    if plan.catalogue == "builtin":
+        return plan
+    folder = (path.parent / plan.catalogue).as_posix()
+    return replace(plan, catalogue=folder)
+
+
+class _Reader:
+    """Turns a JSON document into a plan; every complaint names the file and the place in it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def fail(self, where: str, value: object, right: str) -> PlanError:
+        return PlanError(f"{self.path}: {where} is {value!r:.80}, should be {right}")
+
+    def get(self, table: object, key: str, where: str) -> Any:
+        if not isinstance(table, Mapping) or key not in table:
+            raise PlanError(f"{self.path}: {where} has no {key!r}")
+        return table[key]
+
+    def text(self, table: object, key: str, where: str) -> str:
+        value = self.get(table, key, where)
+        if not isinstance(value, str):
+            raise self.fail(f"{where}.{key}", value, "text")
+        return value
+
+    def number(self, table: object, key: str, where: str) -> float:
+        value = self.get(table, key, where)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self.fail(f"{where}.{key}", value, "a finite number")
+        return float(value)
+
+    def count(self, table: object, key: str, where: str, least: int) -> int:
+        value = self.get(table, key, where)
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise self.fail(f"{where}.{key}", value, f"a whole number of at least {least}")
+        return value
+
+    def vector(self, table: object, key: str, where: str, size: int) -> np.ndarray:
+        value = self.get(table, key, where)
+        plain = isinstance(value, list) and len(value) == size
+        if not plain or not all(type(v) in (int, float) and math.isfinite(v) for v in value):
+            raise self.fail(f"{where}.{key}", value, f"{size} finite numbers")
+        return np.array(value, dtype=np.float64)
+
+    def rows(self, table: object, key: str) -> list[Any]:
+        value = self.get(table, key, "the plan")
+        if not isinstance(value, list):
+            raise self.fail(key, value, "a list")
+        return value
+
+    def mapping(self, table: object, key: str) -> dict[str, Any]:
+        value = self.get(table, key, "the plan")
+        if not isinstance(value, dict):
+            raise self.fail(key, value, "a mapping")
+        return value
+
+    def rotation(self, table: object, where: str) -> np.ndarray:
+        quaternion = self.vector(table, "quat_xyzw", where, 4)
+        if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
+            raise self.fail(f"{where}.quat_xyzw", quaternion.tolist(), "a unit quaternion")
+        matrix: np.ndarray = Rotation.from_quat(quaternion).as_matrix()
+        return matrix
+
+    def placement(self, row: object, index: int) -> Placement:
+        where = f"steps[{index}]"
+        if self.count(row, "step", where, 1) != index + 1:
+            raise self.fail(f"{where}.step", self.get(row, "step", where), str(index + 1))
+        return Placement(
+            item=self.text(row, "item", where),
+            instance=self.count(row, "instance", where, 1),
+            rotation=self.rotation(row, where),
+            position=self.vector(row, "position", where, 3),
+            corner=self.vector(row, "corner", where, 3),
+            extents=self.vector(row, "extents", where, 3),
+            pose_index=self.count(row, "stable_pose", where, 0),
+            yaw=self.number(row, "yaw", where),
+            score=self.number(row, "score", where),
+            candidates=self.count(row, "candidates", where, 0),
+            route=self.text(row, "route", where),
+        )
+
+    def plan(self, document: dict[str, Any]) -> Plan:
+        box = self.mapping(document, "container")
+        size = self.vector(box, "size", "container", 3)
+        name = box.get("name")
+        try:
+            length, width, height = size.tolist()
+            container = Container(length, width, height, name if isinstance(name, str) else None)
+        except ContainerError as problem:
+            raise PlanError(f"{self.path}: {problem}") from None
+        unit = document.get("unit")
+        plan = Plan(
+            container=container,
+            placements=tuple(self.placement(row, k) for k, row in enumerate(self.rows(document, "steps"))),
+            leftovers=tuple(
+                Leftover(
+                    self.text(row, "item", f"leftovers[{k}]"),
+                    self.count(row, "instance", f"leftovers[{k}]", 1),
+                    self.text(row, "reason", f"leftovers[{k}]"),
+                    self.text(row, "detail", f"leftovers[{k}]"),
+                )
+                for k, row in enumerate(self.rows(document, "leftovers"))
+            ),
+            settings=self.mapping(document, "settings"),
+            metrics=self.mapping(document, "metrics"),
+            catalogue=self.text(document, "catalogue", "the plan"),
+            unit=unit if isinstance(unit, str) else None,
+            order=tuple(
+                OrderLine(self.text(row, "item", f"order[{k}]"), self.count(row, "qty", f"order[{k}]", 1))
+                for k, row in enumerate(self.rows(document, "order"))
+            ),
+            meshes={
+                key: MeshRecord(
+                    self.text(row, "file", f"meshes.{key}"),
+                    self.text(row, "sha256", f"meshes.{key}"),
+                    self.number(row, "volume", f"meshes.{key}"),
+                    self.number(row, "mass", f"meshes.{key}"),
+                    bool(self.get(row, "mass_estimated", f"meshes.{key}")),
+                )
+                for key, row in self.mapping(document, "meshes").items()
+            },
+        )
+        for k, placement in enumerate(plan.placements):
+            if placement.item not in plan.meshes:
+                raise self.fail(f"steps[{k}].item", placement.item, "a name under meshes")
+        return plan
