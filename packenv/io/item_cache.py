@@ -6,6 +6,8 @@ import hashlib
 import os
 import sys
 import tempfile
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -44,16 +46,14 @@ class ItemCache:
 
     def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
         """Read a prepared item; None where there is none that can be used."""
-        path = self.path(item, grid)
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            with (
+                self.path(item, grid).open("rb") as stream,
+                np.load(stream, allow_pickle=False) as stored,
+            ):
                 return _unpack(item, grid, stored["poses"], stored["orientations"], stored["maps"])
-        except (OSError, ValueError, KeyError, EOFError, IndexError):
+        except (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
             return None
-        except Exception as problem:  # a torn zip raises its own classes
-            if type(problem).__module__.startswith(("zipfile", "zlib")):
-                return None
-            raise
 
     def put(self, item: Item, grid: GridConfig, prepared: PreparedItem) -> None:
         """Write a prepared item, whole or not at all.

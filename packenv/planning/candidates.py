@@ -51,9 +51,8 @@ class TranslationGrid:
         if limit < 0:
             return None
         offsets = np.empty(w * h, dtype=np.int64)
-        tops = np.empty(w * h, dtype=np.float32)
         bottoms = np.empty(w * h, dtype=np.float32)
-        n = kernels.footprint_cells(oriented.top, oriented.bottom, step, rows, stride, offsets, tops, bottoms)
+        n = kernels.footprint_cells(oriented.bottom, step, rows, stride, offsets, bottoms)
         z = np.empty((across - 1) * stride + along, dtype=np.float32)
         kernels.lowest_z(surface.heights, offsets, bottoms, n, z)
         legal = np.flatnonzero(z.astype(np.float64) <= limit)

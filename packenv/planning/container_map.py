@@ -47,10 +47,15 @@ class ContainerMap:
         np.maximum(window, oriented.top + np.float32(z), out=window, where=oriented.footprint)
         return ContainerMap(self.container, self.cell_size, heights)
 
+    @cached_property
+    def total(self) -> float:
+        """Sum of all heights, m; exact."""
+        return float(self.heights.sum(dtype=np.float64))
+
     @property
     def volume_below(self) -> float:
         """Volume below the heightmap, m³: items and what they shut off from above."""
-        return float(self.heights.sum(dtype=np.float64)) * self.cell_size**2
+        return self.total * self.cell_size**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +70,12 @@ class PolyphaseMap:
     source: ContainerMap
     step: int
 
-    @property
+    @cached_property
     def rows(self) -> int:
         """Cells of a sub-grid along x, margin included."""
         return math.ceil(len(self.source.heights) / self.step) + 2
 
-    @property
+    @cached_property
     def stride(self) -> int:
         """Cells of a sub-grid along y, margin included."""
         return math.ceil(len(self.source.heights[0]) / self.step) + 2

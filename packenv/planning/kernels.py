@@ -57,23 +57,26 @@ def cell_offset(i, j, step, rows, stride):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def footprint_cells(top, bottom, step, rows, stride, offsets, tops, bottoms):  # type: ignore[no-untyped-def]
+def footprint_cells(bottom, step, rows, stride, offsets, bottoms):  # type: ignore[no-untyped-def]
     """List the footprint cells of an orientation, sub-grid by sub-grid.
 
     Returns:
-        The number of cells n; ``offsets[:n]``, ``tops[:n]`` and ``bottoms[:n]`` are filled.
+        The number of cells n; ``offsets[:n]`` (:func:`cell_offset`) and ``bottoms[:n]`` are filled.
     """
-    w, h = top.shape
+    w, h = bottom.shape
     n = 0
     for p in range(step):
         for q in range(step):
+            row = cell_offset(p, q, step, rows, stride)
             for i in range(p, w, step):
+                at = row
                 for j in range(q, h, step):
                     if bottom[i, j] < float32(1e30):
-                        offsets[n] = cell_offset(i, j, step, rows, stride)
-                        tops[n] = top[i, j]
+                        offsets[n] = at
                         bottoms[n] = bottom[i, j]
                         n += 1
+                    at += 1
+                row += stride
     return n
 
 

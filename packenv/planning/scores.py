@@ -40,13 +40,12 @@ def heightmap_minimization(candidates: Candidates, rng: np.random.Generator) -> 
 
     def after(grid: TranslationGrid) -> FloatArray:
         surface, oriented = grid.surface, grid.oriented
-        before = surface.source.heights.sum(dtype=np.float64)
         starts, ends = np.empty((2, oriented.bottom.size), dtype=np.int64)
         n = kernels.footprint_runs(oriented.bottom, surface.step, surface.rows, surface.stride, starts, ends)
         covered = np.empty(grid.z.size)
         kernels.footprint_sums(surface.prefix_sums, starts, ends, n, covered)
         own = oriented.top.sum(dtype=np.float64)
-        total: FloatArray = before + (grid.n_cells * grid.z.astype(np.float64) + own - covered)
+        total: FloatArray = surface.source.total + (grid.n_cells * grid.z.astype(np.float64) + own - covered)
         return total
 
     return TIE_BREAK * candidates.xy_sum + _gather(candidates, after)

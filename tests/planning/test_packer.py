@@ -36,7 +36,9 @@ def items() -> dict[str, PreparedItem]:
     return {name: prepare_item(mesh, GRID) for name, mesh in MESHES.items()}
 
 
-def _pack(names: list[str], items: dict[str, PreparedItem], heuristic: str = "hm", seed: int = 0, **size: float):
+def _pack(
+    names: list[str], items: dict[str, PreparedItem], heuristic: str = "hm", seed: int = 0, **size: float
+):
     container = Container(**{"length": 0.3, "width": 0.3, "height": 0.2, **size})
     return pack(
         names,
@@ -69,9 +71,7 @@ def test_turning_a_mesh_file_does_not_change_the_sequence() -> None:
 
 
 @pytest.mark.parametrize("heuristic", sorted(HEURISTICS))
-def test_every_placement_is_inside_and_none_overlaps(
-    heuristic: str, items: dict[str, PreparedItem]
-) -> None:
+def test_every_placement_is_inside_and_none_overlaps(heuristic: str, items: dict[str, PreparedItem]) -> None:
     packing = _pack(["book", "brick", "brick", "cup", "cup", "can", "can"], items, heuristic, seed=3)
     assert packing.complete
     for placement in packing.placements:
