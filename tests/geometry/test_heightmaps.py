@@ -89,7 +89,7 @@ def test_quarter_turns_turn_the_maps(turn: int) -> None:
 
 def test_maps_do_not_depend_on_where_the_mesh_frame_is() -> None:
     item = cup(0.03, 0.05)
-    moved = Item(**{**vars(item), "vertices": item.vertices + [0.125, -0.25, 0.5], "com": item.com})
+    moved = Item(**{**vars(item), "vertices": item.vertices + np.array([0.125, -0.25, 0.5])})
     rotation = Rotation.from_euler("xyz", [1.0, 0.3, 0.7]).as_matrix()
     a, b = (orient_item(i, rotation, cell_size=CELL) for i in (item, moved))
     assert a.top.shape == b.top.shape

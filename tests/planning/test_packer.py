@@ -154,7 +154,7 @@ def test_more_headroom_never_packs_fewer(items: dict[str, PreparedItem]) -> None
     assert packed[0] < packed[-1] == 12
 
 
-@pytest.mark.parametrize("cell, step", [(0.002, 0.003), (0.0, 0.01), (0.002, 0.0), (0.002, -0.01)])
+@pytest.mark.parametrize(("cell", "step"), [(0.002, 0.003), (0.0, 0.01), (0.002, 0.0), (0.002, -0.01)])
 def test_a_grid_that_is_not_whole_cells_is_refused(cell: float, step: float) -> None:
     with pytest.raises(InputError):
         GridConfig(cell_size=cell, grid_step=step)

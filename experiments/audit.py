@@ -1,0 +1,173 @@
+"""Plan many random orders and audit every plan: ``python -m experiments.audit --catalogue DIR``.
+
+Every plan goes through its file and is read back, as ``robotpack pack`` and ``robotpack verify`` would do it.
+Stopped and started again with the same ``--out``, it goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.orders import fitting, random_orders
+from experiments.rows import RowFile
+from experiments.workers import run_jobs
+from packenv import __version__
+from packenv.audit import audit_plan
+from packenv.config import GridConfig
+from packenv.io.catalogues import open_catalogue
+from packenv.io.containers import parse_container, read_boxes
+from packenv.io.item_cache import ItemCache
+from packenv.io.plans import read_plan, write_plan
+from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.scores import HEURISTICS
+from packenv.types import Container, MeshRecord, Plan
+
+GRID = GridConfig()
+
+
+@dataclass(frozen=True)
+class Job:
+    """One order under one heuristic."""
+
+    catalogue: str
+    heuristic: str
+    size: int
+    seed: int
+    index: int
+    order: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """What makes the row unique."""
+        return f"{__version__}|{self.catalogue}|{self.heuristic}|{self.size}|{self.seed}|{self.index}"
+
+
+class _Worker:
+    """What a worker process loads once."""
+
+    meshes: dict[str, Any]
+    items: dict[str, Any]
+    container: Container
+
+
+def prepare(catalogue: str, container: Container) -> None:
+    """Load the catalogue into this process."""
+    shelf, cache = open_catalogue(catalogue), ItemCache()
+    _Worker.meshes = {name: shelf.item(name) for name in shelf.names}
+    _Worker.items = {name: cache.prepare(item, GRID) for name, item in _Worker.meshes.items()}
+    _Worker.container = container
+
+
+def work(job: Job) -> dict[str, Any]:
+    """Plan an order, write the plan, read it back, audit it."""
+    start = time.process_time()
+    packing = pack(
+        by_box_volume(job.order, _Worker.items),
+        _Worker.items,
+        _Worker.container,
+        HEURISTICS[job.heuristic],
+        cell_size=GRID.cell_size,
+        step=GRID.step_cells,
+        seed=job.index,
+    )
+    planned = time.process_time()
+    used = {name: _Worker.meshes[name] for name in job.order}
+    meshes = {n: MeshRecord(i.file, i.sha256, i.volume, i.mass, i.mass_estimated) for n, i in used.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.json"
+        write_plan(path, Plan(packing.container, packing.placements, packing.leftovers, meshes=meshes))
+        plan = read_plan(path)
+    report = audit_plan(plan, used)
+    return {
+        "key": job.key,
+        **{k: v for k, v in asdict(job).items() if k != "catalogue"},
+        "packed": len(packing.placements),
+        "complete": packing.complete,
+        "utilization": packing.utilization,
+        "overlaps": len(report.overlaps),
+        "protrusions": len(report.protrusions),
+        "blocked": len(report.blocked),
+        "plan_cpu_s": planned - start,
+        "audit_cpu_s": time.process_time() - planned,
+    }
+
+
+def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One line for each size and heuristic."""
+    groups = defaultdict(list)
+    for row in rows:
+        if "error" not in row:
+            groups[row["size"], row["heuristic"]].append(row)
+    return [
+        {
+            "items": size,
+            "heuristic": heuristic,
+            "orders": len(group),
+            "packed_share": statistics.mean(row["complete"] for row in group),
+            "utilization": statistics.mean(row["utilization"] for row in group),
+            "placements": sum(row["packed"] for row in group),
+            **{name: sum(row[name] for row in group) for name in ("overlaps", "protrusions", "blocked")},
+            "plan_cpu_s_median": statistics.median(row["plan_cpu_s"] for row in group),
+            "audit_cpu_s_median": statistics.median(row["audit_cpu_s"] for row in group),
+        }
+        for (size, heuristic), group in sorted(groups.items())
+    ]
+
+
+def main() -> int:
+    """Run, resume, print the summary; exit code 1 where any plan failed its audit or any job its run."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--container", default="0.32x0.32x0.30")
+    parser.add_argument("--orders", type=int, default=1000)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[10])
+    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("runs/audit.jsonl"))
+    arguments = parser.parse_args()
+
+    container = parse_container(arguments.container, read_boxes())
+    prepare(arguments.catalogue, container)
+    names = fitting(_Worker.items, container, GRID)
+    jobs = [
+        Job(arguments.catalogue, heuristic, size, arguments.seed, index, tuple(order))
+        for size in arguments.sizes
+        for index, order in enumerate(random_orders(names, size, arguments.orders, arguments.seed))
+        for heuristic in arguments.heuristics
+    ]
+    file = RowFile(arguments.out)
+    missing = [job for job in jobs if job.key not in file]
+    rows = run_jobs(
+        work,
+        missing,
+        workers=arguments.workers,
+        timeout=600,
+        prepare=prepare,
+        arguments=(arguments.catalogue, container),
+    )
+    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
+        file.append(row)
+    wanted = {job.key for job in jobs}
+    done = [row for row in file if row["key"] in wanted]
+    failed = [row for row in done if "error" in row]
+    summary = summarize(done)
+    print(json.dumps({"rows": summary, "failed_jobs": failed}, indent=1))  # noqa: T201
+    found = sum(row[name] for row in summary for name in ("overlaps", "protrusions", "blocked"))
+    return 1 if found or failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,43 @@
+"""Result rows on disk: one JSON object a line, never lost once it is written, never written twice."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+
+class RowFile:
+    """A JSONL file of rows with a ``key`` each. One process writes it; a killed one loses no finished row."""
+
+    def __init__(self, path: Path) -> None:
+        """Open for appending; a last line without its end, left by a killed process, is cut off."""
+        self.path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        content = path.read_bytes() if path.exists() else b""
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) != len(content):
+            with path.open("r+b") as stream:
+                stream.truncate(len(whole))
+        self._keys = {row["key"] for row in self}
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Every finished row, in the order of writing."""
+        if self.path.exists():
+            with self.path.open(encoding="utf-8") as stream:
+                for line in stream:
+                    yield json.loads(line)
+
+    def __contains__(self, key: object) -> bool:
+        """Whether the job with this key has its row."""
+        return key in self._keys
+
+    def append(self, row: dict[str, Any]) -> None:
+        """Write a row and wait until the disk has it."""
+        with self.path.open("ab") as stream:
+            stream.write(json.dumps(row).encode() + b"\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+        self._keys.add(row["key"])
