@@ -1,0 +1,176 @@
+"""Meshes as the rest of the package uses them: metres, closed, outward, with mass properties."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from packenv.errors import MeshError, UnitError
+from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
+from packenv.geometry.mesh_files import read_mesh_file
+from packenv.geometry.repair import mend, used_part
+from packenv.types import FloatArray, IntArray, Item
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+"""Units that a mesh may be in, as metres."""
+
+SMALLEST, LARGEST = 0.002, 2.0
+"""The longest side of an item is within these, m. Outside them the unit is wrong."""
+
+FLAT = 1e-7
+"""A surface whose spread across its own plane is below this share of its size is flat."""
+
+HEAVIEST = 22_600.0
+"""kg/m³ of osmium: a mass above it was hardly given in kilograms."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedMesh:
+    """The surface of a solid, ready for use.
+
+    Attributes:
+        vertices: (n, 3) float64, m; every one is a corner of some face.
+        faces: (m, 3) int64, closed, counter-clockwise seen from outside.
+        repairs: what was repaired on loading, one phrase each; empty for a sound file.
+        notes: what a user should know but need not mend.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    repairs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
+    """Load an item's mesh, check it, and mend what can be mended without inventing a surface.
+
+    Args:
+        path: an stl, obj, ply, off, glb or 3mf file.
+        unit: ``m``, ``cm``, ``mm`` or ``in``; None takes the unit that a 3MF or GLB file states, else metres.
+
+    Returns:
+        The closed surface. A sound file keeps its exact coordinates; equal vertices of formats that
+        give every face its own (STL, GLB, 3MF) are made one.
+
+    Raises:
+        UnitError: an unknown unit, or an item larger than 2 m or smaller than 2 mm.
+        MeshError: everything else that is wrong with the file, one line that names it.
+    """
+    path = Path(path)
+    if unit is not None and unit not in UNITS:
+        raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    raw = read_mesh_file(path)
+    if not len(raw.faces):
+        content = f"{len(raw.vertices)} points but no faces" if len(raw.vertices) else "no faces"
+        raise MeshError(
+            f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
+        )
+    finite = np.isfinite(raw.vertices).all(axis=1)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise MeshError(
+            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in raw.vertices[k])}), "
+            "coordinates must be finite numbers; export it again"
+        )
+    scale = UNITS[unit] if unit is not None else (raw.metres or 1.0)
+    surface = used_part(raw.vertices, raw.faces, split=raw.split)
+    if not len(surface.faces):
+        raise MeshError(f"{path}: no face has three different corners, so it has no surface")
+    _check_size(path, surface.vertices, scale, unit, raw.metres)
+    vertices = surface.vertices if scale == 1.0 else surface.vertices * scale
+    _check_not_flat(path, vertices)
+    result = mend(path, type(surface)(vertices, surface.faces, surface.repairs, raw.notes + surface.notes))
+    return LoadedMesh(
+        np.ascontiguousarray(result.vertices),
+        np.ascontiguousarray(result.faces),
+        result.repairs,
+        result.notes,
+    )
+
+
+def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> Item:
+    """Give a mesh its name, mass and mass properties under uniform density.
+
+    Args:
+        name: name in the catalogue.
+        mesh: from :func:`load_mesh`.
+        file: the mesh file's name inside its catalogue folder.
+        mass: kg; None estimates it by :func:`packenv.geometry.mass.estimated_mass`.
+
+    Returns:
+        The item.
+
+    Raises:
+        MeshError: the mass is not a positive number.
+    """
+    properties = solid_properties(mesh.vertices, mesh.faces)
+    if mass is not None and not (np.isfinite(mass) and mass > 0):
+        raise MeshError(f"item {name}: its mass is {mass:g}, give kilograms above 0")
+    kilograms = mass if mass is not None else estimated_mass(properties.volume, hull_volume(mesh.vertices))
+    density = kilograms / properties.volume
+    notes = mesh.notes
+    if density > HEAVIEST:
+        notes = (*notes, f"{kilograms:g} kg is {density:,.0f} kg/m³, denser than any metal: is it in grams?")
+    return Item(
+        name=name,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        volume=properties.volume,
+        mass=float(kilograms),
+        mass_estimated=mass is None,
+        com=properties.com,
+        inertia=properties.inertia * density,
+        sha256=mesh_hash(mesh.vertices, mesh.faces),
+        file=file,
+        repairs=mesh.repairs,
+        notes=notes,
+    )
+
+
+def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:
+    """Hex SHA-256 of a mesh as used: shapes, then little-endian float64 and int64 in C order.
+
+    Args:
+        vertices: (n, 3), m.
+        faces: (m, 3).
+    """
+    digest = hashlib.sha256(f"mesh <f8 {vertices.shape} <i8 {faces.shape}\n".encode())
+    digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
+    digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
+    return digest.hexdigest()
+
+
+def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None, own: float | None) -> None:
+    with np.errstate(over="ignore"):
+        raw_size = float(np.ptp(vertices, axis=0).max())
+        size = raw_size * scale
+    if size == 0:
+        raise MeshError(f"{path}: all vertices are at one point, so it has no surface")
+    if SMALLEST <= size <= LARGEST:
+        return
+    found = f"{path}: {size:.3g} m {'large' if size > LARGEST else 'small'}"
+    if unit is not None:
+        found += f" with --unit {unit}"
+    elif own is None:
+        found += " if its numbers are metres"
+    fits = [u for u, factor in UNITS.items() if SMALLEST <= raw_size * factor <= LARGEST and u != unit]
+    # Millimetres are by far the most usual of the units that are not metres.
+    best = "mm" if "mm" in fits else (fits[0] if fits else None)
+    if best is None:
+        hint = "no --unit makes it so; scale it when exporting"
+    else:
+        hint = f"give its unit: --unit {best} makes it {raw_size * UNITS[best]:.3g} m"
+    raise UnitError(f"{found}, items are {SMALLEST * 1000:g} mm to {LARGEST:g} m; {hint}")
+
+
+def _check_not_flat(path: Path, vertices: FloatArray) -> None:
+    centred = vertices - vertices.mean(axis=0)
+    size = float(np.ptp(vertices, axis=0).max())
+    # Along each axis of the point cloud; the smallest is its spread across the best plane.
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    across = float(np.ptp(centred @ axes[:, 0]))
+    if across <= FLAT * size:
+        raise MeshError(f"{path}: flat, all its vertices lie in one plane; an item needs a thickness")

@@ -1,0 +1,20 @@
+"""Where the files are that RobotPack brings along: its catalogue, orders and boxes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from packenv.errors import RobotPackError
+
+
+def assets_dir() -> Path:
+    """Folder of the built-in assets: inside the installed package, or beside it in a checkout.
+
+    Raises:
+        RobotPackError: neither is there, so the installation is damaged.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "assets", package.parent / "assets"):
+        if folder.is_dir():
+            return folder
+    raise RobotPackError(f"the assets folder is missing beside {package}; install robotpack again")

@@ -1,0 +1,227 @@
+"""Catalogues: a folder of item meshes with ``objects.csv``, or of bare meshes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from packenv.errors import CatalogueError, UnitError
+from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
+from packenv.geometry.meshes import UNITS, load_mesh, make_item
+from packenv.io.assets import assets_dir
+from packenv.io.tables import Row, read_table, read_text
+from packenv.types import Item
+
+BUILTIN = "builtin"
+"""Label of the catalogue that RobotPack brings along."""
+
+TABLE = "objects.csv"
+"""Name of a catalogue's table."""
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """One item of a catalogue before its mesh is loaded.
+
+    Attributes:
+        file: the mesh file, relative to the folder, with ``/``.
+        mass: kg, or None where the table has none.
+        unit: unit of the mesh, or None.
+        parts_file: file of the convex parts that the mesh is made of, relative to the folder, or None.
+    """
+
+    file: str
+    mass: float | None = None
+    unit: str | None = None
+    parts_file: str | None = None
+
+
+class Catalogue:
+    """The items of a folder by name; a mesh is loaded when its item is first asked for."""
+
+    def __init__(self, label: str, folder: Path, entries: dict[str, CatalogueEntry]) -> None:
+        """Make a catalogue; users call :func:`open_catalogue`.
+
+        Args:
+            label: ``builtin``, or the folder as the user gave it.
+            folder: where the files are.
+            entries: by item name.
+        """
+        self.label = label
+        self.folder = folder
+        self.entries = entries
+        self._items: dict[str, Item] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all items, in the table's sequence."""
+        return tuple(self.entries)
+
+    def item(self, name: str) -> Item:
+        """Load an item, or hand out the one that was loaded before.
+
+        Raises:
+            CatalogueError: the catalogue has no such item.
+            MeshError: its mesh cannot be used.
+        """
+        if name not in self._items:
+            entry = self._entry(name)
+            mesh = load_mesh(self.folder / entry.file, unit=entry.unit)
+            self._items[name] = make_item(name, mesh, file=entry.file, mass=entry.mass)
+        return self._items[name]
+
+    def parts_file(self, name: str) -> Path | None:
+        """File of the convex parts that an item is made of, or None where the table names none.
+
+        Raises:
+            CatalogueError: the catalogue has no such item.
+        """
+        parts = self._entry(name).parts_file
+        return self.folder / parts if parts else None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def _entry(self, name: str) -> CatalogueEntry:
+        if name not in self.entries:
+            raise CatalogueError(
+                f"catalogue {self.label} has no item {name!r}{closest_match(name, self.entries)}"
+            )
+        return self.entries[name]
+
+
+def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Catalogue:
+    """Open a catalogue: its table is read and checked now, its meshes later.
+
+    ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
+    ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit`` and
+    ``parts_file``; further columns are left alone. In a folder without one, every mesh file is an
+    item of its stem's name.
+
+    Args:
+        folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
+        unit: unit of every mesh whose row names none: ``m``, ``cm``, ``mm`` or ``in``.
+
+    Returns:
+        The catalogue.
+
+    Raises:
+        CatalogueError: no such folder, no meshes in it, or something wrong in its table.
+        UnitError: an unknown unit.
+    """
+    if unit is not None and unit not in UNITS:
+        raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    label = BUILTIN if folder is None else str(folder)
+    path = assets_dir() / "catalogue" if label == BUILTIN else Path(label)
+    if "://" in label:
+        raise CatalogueError(f"{label}: is a URL; download the catalogue and give its folder")
+    if not path.exists():
+        raise CatalogueError(f"{label}: no such folder, give a folder of meshes or {BUILTIN!r}")
+    if not path.is_dir():
+        what = "an archive; unpack it and" if path.suffix.lower() in ARCHIVES else "a file;"
+        raise CatalogueError(f"{label}: is {what} give the folder that holds the meshes")
+    table = path / TABLE
+    try:
+        entries = _table_entries(table, unit) if table.exists() else _bare_entries(path, unit)
+    except OSError as problem:
+        raise CatalogueError(f"{label}: cannot be read ({problem.strerror})") from None
+    return Catalogue(label, path, entries)
+
+
+def closest_match(name: str, names: Iterator[str] | dict[str, CatalogueEntry] | tuple[str, ...]) -> str:
+    """The end of a message about an unknown name: the closest one that exists, or how many there are."""
+    known = list(names)
+    lower = {n.lower(): n for n in known}
+    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
+    # A short name is often meant as part of a long one ("mug" for "025_mug").
+    inside = sorted((n for n in known if name.lower() in n.lower()), key=len) if len(name) >= 3 else []
+    if close or inside:
+        return f"; did you mean {inside[0] if inside else lower[close[0]]!r}?"
+    return f"; it has {len(known)} items, such as {known[0]!r}" if known else ""
+
+
+def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
+    rows = read_table(
+        table, read_text(table, CatalogueError, "a table of items"), ("name", "file"), CatalogueError
+    )
+    entries: dict[str, CatalogueEntry] = {}
+    lines: dict[str, str] = {}
+    for row in rows:
+        name = row.text("name")
+        if not name.isprintable() or len(name) > 200:
+            raise CatalogueError(f"{row.where}: name {name[:40]!r} must be printable, at most 200 characters")
+        entry = CatalogueEntry(_file(row, "file"), _mass(row), _unit(row) or unit, _parts_file(row))
+        if name in entries:
+            raise CatalogueError(
+                f"{row.where}: item {name!r} is there twice, with {entries[name].file} ({lines[name]}) "
+                f"and {entry.file}; give each item a name of its own"
+            )
+        entries[name] = entry
+        lines[name] = row.where.rpartition(", ")[2]
+    if not entries:
+        raise CatalogueError(f"{table}: lists no items, add a row for each")
+    return entries
+
+
+def _file(row: Row, column: str) -> str:
+    """A path inside the folder: the table may come from anywhere, so it may not reach out."""
+    text = row.text(column)
+    where = f"{row.where}: {column} {text!r}"
+    if "://" in text:
+        raise CatalogueError(f"{where} is a URL; put the file into the catalogue folder")
+    if PurePosixPath(text).is_absolute() or PureWindowsPath(text).drive or "\\" in text:
+        raise CatalogueError(f"{where} must be a path inside the catalogue folder, with '/'")
+    if ".." in PurePosixPath(text).parts or not text.isprintable():
+        raise CatalogueError(f"{where} leaves the catalogue folder; name a file inside it")
+    suffix = PurePosixPath(text).suffix.lower()
+    if suffix in ARCHIVES:
+        raise CatalogueError(f"{where} is an archive; unpack it and name the mesh file")
+    if suffix not in EXTENSIONS:
+        kinds = ", ".join(e[1:] for e in EXTENSIONS)
+        raise CatalogueError(f"{where} is no mesh file; its name must end in one of {kinds}")
+    return str(PurePosixPath(text))
+
+
+def _mass(row: Row) -> float | None:
+    for column in row.cells:
+        if column.lower().startswith(("mass", "weight")) and column != "mass_kg":
+            raise CatalogueError(
+                f"{row.where}: column {column!r} is not read; give masses in kg as 'mass_kg'"
+            )
+    return row.positive("mass_kg", "kilograms") if row.cells.get("mass_kg") else None
+
+
+def _unit(row: Row) -> str | None:
+    unit = row.cells.get("unit") or None
+    if unit is not None and unit not in UNITS:
+        raise CatalogueError(f"{row.where}: unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    return unit
+
+
+def _parts_file(row: Row) -> str | None:
+    return _file(row, "parts_file") if row.cells.get("parts_file") else None
+
+
+def _bare_entries(folder: Path, unit: str | None) -> dict[str, CatalogueEntry]:
+    entries: dict[str, CatalogueEntry] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in EXTENSIONS or path.name.startswith(".") or not path.is_file():
+            continue
+        if path.stem in entries:
+            raise CatalogueError(
+                f"{folder}: {entries[path.stem].file} and {path.name} are both named {path.stem!r}; "
+                "rename one, or add an objects.csv"
+            )
+        entries[path.stem] = CatalogueEntry(path.name, unit=unit)
+    if not entries:
+        kinds = ", ".join(e[1:] for e in EXTENSIONS)
+        raise CatalogueError(f"{folder}: holds neither {TABLE} nor a mesh file ({kinds})")
+    return entries

@@ -1,0 +1,100 @@
+"""Orders: lists of items to pack, as CSV or JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection
+from pathlib import Path
+
+from packenv.errors import OrderError
+from packenv.io.catalogues import closest_match
+from packenv.io.tables import read_table, read_text
+from packenv.types import Order, OrderLine
+
+MAX_PIECES = 10_000
+"""Pieces that an order may have."""
+
+_COLUMNS = ("item", "qty")
+_INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
+
+
+def read_order(path: Path, catalogue_names: Collection[str]) -> Order:
+    """Read an order.
+
+    As CSV it has a header and the column ``item``, and may have ``qty`` (without it every line is one
+    piece). As JSON it is ``{"items": [...]}`` or a list, of item names and of ``{"item": ..., "qty": ...}``.
+    An item may stand in several lines; their sequence is kept.
+
+    Args:
+        path: a .json file; anything else is read as CSV.
+        catalogue_names: names of the items that there are.
+
+    Returns:
+        The order, at least one piece.
+
+    Raises:
+        OrderError: the file cannot be read, an item is not in the catalogue, a quantity is not a whole
+            number above 0, or there are no items or too many.
+    """
+    path = Path(path)
+    text = read_text(path, OrderError, "an order")
+    lines = _from_json(path, text) if path.suffix.lower() == ".json" else _from_csv(path, text)
+    if not lines:
+        raise OrderError(f"{path}: the order is empty, it needs at least one item")
+    names = frozenset(catalogue_names)
+    for where, line in lines:
+        if line.item not in names:
+            hint = closest_match(line.item, tuple(catalogue_names))
+            raise OrderError(f"{where}: no item {line.item!r} in the catalogue{hint}")
+    pieces = sum(line.qty for _, line in lines)
+    if pieces > MAX_PIECES:
+        raise OrderError(f"{path}: {pieces:,} pieces, the limit is {MAX_PIECES:,}; split the order")
+    return Order(tuple(line for _, line in lines), source=path)
+
+
+def _from_csv(path: Path, text: str) -> list[tuple[str, OrderLine]]:
+    lines = []
+    for row in read_table(path, text, ("item",), OrderError, known=_COLUMNS):
+        quantity = _quantity(row.where, row.text("qty")) if "qty" in row.cells else 1
+        lines.append((row.where, OrderLine(row.text("item"), quantity)))
+    return lines
+
+
+def _from_json(path: Path, text: str) -> list[tuple[str, OrderLine]]:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise OrderError(f"{path}: not a JSON file ({problem})") from None
+    items = document.get("items") if isinstance(document, dict) else document
+    if not isinstance(items, list):
+        raise OrderError(f'{path}: no list of items; an order is {{"items": [{{"item": "mug", "qty": 2}}]}}')
+    return [
+        (where := f"{path}, item {k}", _json_line(where, entry)) for k, entry in enumerate(items, start=1)
+    ]
+
+
+def _json_line(where: str, entry: object) -> OrderLine:
+    if isinstance(entry, str):
+        entry = {"item": entry}
+    if not isinstance(entry, dict) or not isinstance(entry.get("item"), str) or not entry["item"].strip():
+        raise OrderError(f'{where}: needs the item\'s name, as in "mug" or {{"item": "mug", "qty": 2}}')
+    for key in entry:
+        if key not in _COLUMNS:
+            raise OrderError(f"{where}: unknown key {key!r}; the keys are item and qty")
+    quantity = entry.get("qty", 1)
+    if not isinstance(quantity, int) or isinstance(quantity, bool):
+        raise OrderError(f"{where}: qty is {json.dumps(quantity)[:40]}, give a whole number above 0")
+    return OrderLine(entry["item"].strip(), _positive(where, quantity))
+
+
+def _quantity(where: str, text: str) -> int:
+    if not _INTEGER.fullmatch(text):
+        raise OrderError(f"{where}: qty is {text[:40]!r}, give a whole number above 0")
+    return _positive(where, int(text))
+
+
+def _positive(where: str, quantity: int) -> int:
+    if quantity < 1:
+        raise OrderError(f"{where}: qty is {quantity}, give a whole number above 0")
+    return quantity
