@@ -1,0 +1,1 @@
+"""Solids, recipes and writers that build the catalogue of household items."""
