@@ -10,6 +10,7 @@ each be lowered straight down from above past the items placed before it?
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -84,6 +85,21 @@ class Blocked:
 
 
 @dataclass(frozen=True)
+class Miscount:
+    """An item of the order of which the plan holds too few or too many pieces, leftovers included.
+
+    Attributes:
+        item: its name.
+        ordered: pieces in the order.
+        in_plan: pieces placed or left over.
+    """
+
+    item: str
+    ordered: int
+    in_plan: int
+
+
+@dataclass(frozen=True)
 class AuditReport:
     """What the audit found.
 
@@ -93,6 +109,7 @@ class AuditReport:
         overlaps: pairs of items that overlap, by step.
         protrusions: sides on which an item leaves the container, by step.
         blocked: pairs of an item and an earlier one that is in its way, by step.
+        miscounted: items of which the plan does not hold as many pieces as its order.
         pairs_checked: number of pairs of placements that were compared.
         clearance: depth up to which contact is touching, m.
     """
@@ -100,13 +117,14 @@ class AuditReport:
     overlaps: tuple[Overlap, ...]
     protrusions: tuple[Protrusion, ...]
     blocked: tuple[Blocked, ...]
+    miscounted: tuple[Miscount, ...]
     pairs_checked: int
     clearance: float
 
     @property
     def ok(self) -> bool:
         """True where nothing was found."""
-        return not (self.overlaps or self.protrusions or self.blocked)
+        return not (self.overlaps or self.protrusions or self.blocked or self.miscounted)
 
     def to_json(self) -> dict[str, object]:
         """The report as JSON-able lists and numbers; lengths in m, steps from 1."""
@@ -115,6 +133,7 @@ class AuditReport:
             "overlaps": [dict(vars(found)) for found in self.overlaps],
             "protrusions": [dict(vars(found)) for found in self.protrusions],
             "blocked": [dict(vars(found)) for found in self.blocked],
+            "miscounted": [dict(vars(found)) for found in self.miscounted],
             "pairs_checked": self.pairs_checked,
             "clearance": self.clearance,
             "protrusion_tolerance": PROTRUSION_TOLERANCE,
@@ -160,6 +179,7 @@ def audit_plan(plan: Plan, items: Mapping[str, Item], *, clearance: float = DEFA
         overlaps=tuple(overlaps),
         protrusions=tuple(protrusions),
         blocked=tuple(blocked),
+        miscounted=_miscounted(plan),
         pairs_checked=len(placed) * (len(placed) - 1) // 2,
         clearance=clearance,
     )
@@ -185,6 +205,18 @@ def _posed(step: int, placement: Placement, items: Mapping[str, Item], clearance
     if np.linalg.det(rotation) < 0.0:
         raise PlanError(f"{where}: the rotation mirrors the item (determinant -1), give one with +1")
     return Posed(solid_of(item, clearance), Pose(rotation, position))
+
+
+def _miscounted(plan: Plan) -> tuple[Miscount, ...]:
+    """Compare the order with what is placed or left over; a plan without an order claims nothing."""
+    if not plan.order:
+        return ()
+    ordered: Counter[str] = Counter()
+    for line in plan.order:
+        ordered[line.item] += line.qty
+    held = Counter([p.item for p in plan.placements] + [left.item for left in plan.leftovers])
+    names = dict.fromkeys([*ordered, *held])
+    return tuple(Miscount(n, ordered[n], held[n]) for n in names if ordered[n] != held[n])
 
 
 def _protrusions(step: int, name: str, posed: Posed, container: Container) -> list[Protrusion]:
