@@ -9,6 +9,8 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from packenv.errors import MeshError
 from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh
 
@@ -38,7 +40,9 @@ def read_mesh_file(path: Path) -> RawMesh:
     _check_name(path, extension)
     data = _bytes(path)
     kind = _kind(path, data) or extension
-    raw = _reader(kind)(path, data)
+    # Numbers that are none, or overflow in a transform, are found when the points are checked.
+    with np.errstate(all="ignore"):
+        raw = _reader(kind)(path, data)
     if kind == extension:
         return raw
     note = f"the content is {kind[1:].upper()} although the name ends in {extension}"

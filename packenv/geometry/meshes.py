@@ -11,6 +11,7 @@ import numpy as np
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
 from packenv.geometry.mesh_files import read_mesh_file
+from packenv.geometry.readers.raw import check_points
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
@@ -68,13 +69,7 @@ def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
         raise MeshError(
             f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
         )
-    finite = np.isfinite(raw.vertices).all(axis=1)
-    if not finite.all():
-        k = int(np.argmin(finite))
-        raise MeshError(
-            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in raw.vertices[k])}), "
-            "coordinates must be finite numbers; export it again"
-        )
+    check_points(path, raw.vertices)
     scale = UNITS[unit] if unit is not None else (raw.metres or 1.0)
     surface = used_part(raw.vertices, raw.faces, split=raw.split)
     if not len(surface.faces):
@@ -144,9 +139,8 @@ def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:
 
 
 def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None, own: float | None) -> None:
-    with np.errstate(over="ignore"):
-        raw_size = float(np.ptp(vertices, axis=0).max())
-        size = raw_size * scale
+    raw_size = float(np.ptp(vertices, axis=0).max())
+    size = raw_size * scale
     if size == 0:
         raise MeshError(f"{path}: all vertices are at one point, so it has no surface")
     if SMALLEST <= size <= LARGEST:

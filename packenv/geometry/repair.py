@@ -110,9 +110,12 @@ def _closed(path: Path, surface: Surface) -> Surface:
     repairs = list(surface.repairs)
     if open_edges(faces):
         vertices, faces = _merged(vertices, faces, repairs)
+    was_closed = open_edges(faces) == 0
     faces = _without_duplicate_faces(faces, repairs)
-    if not len(faces):
-        raise MeshError(f"{path}: encloses no volume, an item needs a thickness")
+    if was_closed and open_edges(faces):
+        raise MeshError(
+            f"{path}: encloses no volume, it is a sheet with two sides; an item needs a thickness"
+        )
     vertices, faces = compact(vertices, faces)
     if is_solid(faces)[0]:
         return Surface(vertices, faces, tuple(repairs), surface.notes)
@@ -161,7 +164,7 @@ def _without_duplicate_faces(faces: IntArray, repairs: list[str]) -> IntArray:
     """Drop faces that are there twice.
 
     One of each is kept, unless only leaving out both closes the surface: then they are the wall
-    between two bodies that were put together face to face.
+    between two bodies that were put together face to face, or a fin without thickness.
     """
     corners = np.sort(faces, axis=1)
     _, first, inverse, counts = np.unique(
@@ -173,7 +176,9 @@ def _without_duplicate_faces(faces: IntArray, repairs: list[str]) -> IntArray:
     if open_edges(once):
         single: IntArray = faces[counts[inverse.reshape(-1)] % 2 == 1]
         if len(single) and open_edges(single) < open_edges(once):
-            repairs.append(f"{len(faces) - len(single)} faces of inner walls dropped")
+            repairs.append(
+                f"{len(faces) - len(single)} faces without thickness dropped (inner walls or fins)"
+            )
             return single
     repairs.append(
         "duplicate shell dropped"

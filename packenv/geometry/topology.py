@@ -54,17 +54,21 @@ def boundary(faces: IntArray) -> IntArray:
 
 
 def body_labels(faces: IntArray) -> IntArray:
-    """(m,) number of the body that each face belongs to; faces with a common vertex share a body."""
+    """(m,) number of the body that each face belongs to, counted in the sequence of the faces.
+
+    Faces are of one body when an edge that only they share links them. Bodies that touch in a vertex or
+    in an edge of four faces stay two, so that each can be turned on its own.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    n = int(faces.max()) + 1
-    start = np.concatenate([faces[:, 0], faces[:, 0]])
-    end = np.concatenate([faces[:, 1], faces[:, 2]])
-    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(n, n))
+    m = len(faces)
+    one, two = _face_pairs(faces)
+    graph = coo_matrix((np.ones(len(one), dtype=np.int8), (one // 3, two // 3)), shape=(m, m))
     _, labels = connected_components(graph, directed=False)
-    # Numbered by the first face, so that the numbers do not depend on unused vertices.
-    _, first, inverse = np.unique(labels[faces[:, 0]], return_index=True, return_inverse=True)
+    if not labels.any():
+        return np.zeros(m, dtype=np.int64)
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(first))
     return rank[inverse.reshape(-1)]
@@ -87,12 +91,8 @@ def faces_to_turn(faces: IntArray) -> BoolArray | None:
     from scipy.sparse.csgraph import connected_components
 
     m = len(faces)
-    start, end = directed_edges(faces)
-    n = int(faces.max()) + 1
-    keys = np.minimum(start, end) * n + np.maximum(start, end)
-    order = np.argsort(keys, kind="stable")
-    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    one, two = order[first[counts == 2]], order[first[counts == 2] + 1]
+    start, _ = directed_edges(faces)
+    one, two = _face_pairs(faces)
     agree = start[one] != start[two]
     f, g = one // 3, two // 3
     rows = np.concatenate([f, f + m])
@@ -154,6 +154,16 @@ def without_repeats(faces: IntArray) -> IntArray:
     a, b, c = faces.T
     good = (a != b) & (b != c) & (c != a)
     return faces if good.all() else faces[good]
+
+
+def _face_pairs(faces: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The two directed edges, as their numbers, of every edge that exactly two faces share."""
+    start, end = directed_edges(faces)
+    keys = np.minimum(start, end) * (int(faces.max()) + 1) + np.maximum(start, end)
+    order = np.argsort(keys, kind="stable")
+    new = np.flatnonzero(np.diff(keys[order], prepend=-1, append=-1))
+    pairs = new[:-1][np.diff(new) == 2]
+    return order[pairs], order[pairs + 1]
 
 
 def _undirected(faces: IntArray) -> tuple[IntArray, NDArray[np.int64]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from packenv.errors import MeshError
 from packenv.geometry.polygons import triangulated
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices, integers, numbers
+from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices, check_points, integers, numbers
 
 # Some collections glue the first count to the word: "OFF490 518 0".
 _HEADER = re.compile(rb"(?:ST)?C?N?OFF\s*", re.IGNORECASE)
@@ -55,6 +55,7 @@ def read_off(path: Path, data: bytes) -> RawMesh:
     corners = [token for n, row in zip(counts.tolist(), polygons, strict=True) for token in row[1 : n + 1]]
     flat = integers(path, corners, "a face")
     check_indices(path, flat, len(vertices))
+    check_points(path, vertices)
     faces = triangulated(path, vertices, counts, flat)
     check_counts(path, faces=len(faces))
     return RawMesh(vertices, faces)

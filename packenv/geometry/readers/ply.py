@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from packenv.errors import MeshError
 from packenv.geometry.polygons import triangulated
 from packenv.geometry.readers.ply_header import Element, check_length, read_header
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices, integers, numbers
+from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices, check_points, integers, numbers
 from packenv.types import FloatArray, IntArray
 
 _FACE_LISTS = ("vertex_indices", "vertex_index")
@@ -67,6 +67,7 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
     if (counts < 3).any():
         raise MeshError(f"{path}: a face has {counts.min()} vertices, it needs at least 3")
     check_indices(path, corners, len(vertices))
+    check_points(path, vertices)
     faces = triangulated(path, vertices, counts, corners)
     check_counts(path, faces=len(faces))
     return RawMesh(vertices, faces)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.errors import MeshError
+from packenv.errors import MeshError, UnitError
 from packenv.types import FloatArray, IntArray
 
 MAX_FACES = 1_000_000
@@ -16,6 +16,9 @@ MAX_FACES = 1_000_000
 
 MAX_VERTICES = 3 * MAX_FACES
 """Vertices that a mesh may have: every face with three of its own."""
+
+MAX_COORDINATE = 1e12
+"""Distance from the origin, in any unit, that is still read."""
 
 MAX_FILE_BYTES = 400 * 2**20
 """Size of a mesh file, packed or unpacked, that is still read."""
@@ -53,6 +56,32 @@ def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
         raise MeshError(f"{path}: {faces:,} faces, the limit is {MAX_FACES:,}; decimate the mesh")
     if vertices > MAX_VERTICES:
         raise MeshError(f"{path}: {vertices:,} vertices, the limit is {MAX_VERTICES:,}; decimate the mesh")
+
+
+def check_points(path: Path, vertices: FloatArray) -> None:
+    """Refuse coordinates that are no numbers, or so large that products of three overflow.
+
+    Args:
+        path: named in messages.
+        vertices: (n, 3), the file's unit.
+
+    Raises:
+        MeshError: a coordinate is not finite.
+        UnitError: a coordinate is beyond anything that a unit makes an item of.
+    """
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise MeshError(
+            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in vertices[k])}), "
+            "coordinates must be finite numbers; export it again"
+        )
+    largest = float(np.abs(vertices).max(initial=0.0))
+    if largest > MAX_COORDINATE:
+        raise UnitError(
+            f"{path}: a coordinate of {largest:.3g}, items are 2 mm to 2 m; "
+            "no --unit makes it so, it is damaged or needs scaling"
+        )
 
 
 def check_indices(path: Path, indices: NDArray[np.integer], n_vertices: int) -> None:

@@ -48,7 +48,7 @@ def read_threemf(path: Path, data: bytes) -> RawMesh:
             return _Package(path, archive).read()
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as problem:
         raise MeshError(f"{path}: truncated or damaged 3MF file ({problem}); export it again") from None
-    except (ElementTree.ParseError, KeyError, ValueError, OverflowError) as problem:
+    except (ElementTree.ParseError, LookupError, ValueError, OverflowError) as problem:
         raise MeshError(
             f"{path}: damaged 3MF file, its model cannot be read ({problem}); export it again"
         ) from None
@@ -104,12 +104,8 @@ class _Package:
             self.parts.append(self._part(mesh, transform))
             check_counts(self.path, faces=sum(len(p.faces) for p in self.parts))
         for component in thing.findall("{*}components/{*}component"):
-            self._place(
-                _model_of(component) or model,
-                component.attrib["objectid"],
-                transform @ _transform(component),
-                depth + 1,
-            )
+            nested = transform @ _transform(component)
+            self._place(_model_of(component) or model, component.attrib["objectid"], nested, depth + 1)
 
     def _part(self, mesh: ElementTree.Element, transform: FloatArray) -> ScenePart:
         points = [[v.attrib[a] for a in "xyz"] for v in mesh.iterfind("{*}vertices/{*}vertex")]

@@ -1,0 +1,93 @@
+"""Containers by id and by size."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from packenv.errors import ContainerError
+from packenv.io.containers import parse_container, read_boxes
+from packenv.types import Container
+
+BOXES = (Container(0.254, 0.178, 0.083, name="A1"), Container(0.343, 0.241, 0.089, name="1AD"))
+
+
+@given(size=st.tuples(*[st.floats(0.01, 2.0)] * 3), sign=st.sampled_from("xX×*"))
+def test_a_size_is_read_as_it_is_written(size, sign):
+    found = parse_container(sign.join(repr(s) for s in size), BOXES)
+    assert found == Container(*size)
+    assert found.name is None
+
+
+@pytest.mark.parametrize("text", ["0.32x0.32x0.30", " 0.32 x 0.32 x 0.30 ", ".32x.32x.3", "0.32x0.32x0.30m"])
+def test_ways_to_write_a_size(text):
+    assert parse_container(text, BOXES).size == (0.32, 0.32, 0.30)
+
+
+@pytest.mark.parametrize("text", ["1AD", "1ad", " 1Ad "])
+def test_a_box_by_id_in_either_case(text):
+    assert parse_container(text, BOXES) is BOXES[1]
+
+
+def test_a_table_of_boxes_keeps_its_sequence(tmp_path):
+    path = tmp_path / "boxes.csv"
+    path.write_text(
+        "box_id,length_m,width_m,height_m,source\nA1,0.254,0.178,0.083,x\n1AD,0.343,0.241,0.089,y\n"
+    )
+    assert read_boxes(path) == BOXES
+
+
+def test_the_boxes_that_come_along():
+    """Inner sizes as published for the Amazon Robotics Challenge 2017, m."""
+    boxes = {box.name: box.size for box in read_boxes()}
+    assert boxes["A1"] == (0.254, 0.178, 0.083)
+    assert boxes["1AD"] == (0.343, 0.241, 0.089)
+    assert boxes["1A5"] == (0.343, 0.279, 0.121)
+    assert boxes["1B2"] == (0.394, 0.33, 0.089)
+    assert boxes["K3"] == (0.495, 0.33, 0.159)
+    assert (0.32, 0.32, 0.3) in boxes.values()
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("", "lists no boxes"),
+        ("A1,0.1,0.1,0.1\na1,0.2,0.2,0.2", "line 3: box 'a1' is there twice"),
+        ("A1,0.1,0.1,x", "line 2: height_m is 'x'"),
+        ("A1,0.1,0.1,0", "line 2: height_m is 0"),
+        ('A1,0.1,"0,2",0.1', "decimals take a point: 0.2"),
+        ("A1,0.1,0.1", "3 cells where the header has 4"),
+        ("A1,254,178,83", "length is 254, give metres"),
+        (",0.1,0.1,0.1", "'box_id' is empty"),
+    ],
+)
+def test_a_bad_table(rows, words, tmp_path):
+    path = tmp_path / "boxes.csv"
+    path.write_text("box_id,length_m,width_m,height_m\n" + rows)
+    with pytest.raises(ContainerError, match=words) as problem:
+        read_boxes(path)
+    assert str(path) in str(problem.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "neither a size"),
+        ("B7", "known box (A1, 1AD)"),
+        ("0.3x0.3", "0.32x0.32x0.30"),
+        ("0.3x0.3x0.3x0.3", "neither a size"),
+        ("0,32x0,32x0,30", "decimals take a point: 0.32x0.32x0.30"),
+        ("320x320x300", "length is 320, give metres"),
+        ("0.3x-0.3x0.3", "width is -0.3"),
+        ("0.3x0.3x0", "height is 0"),
+        ("0.3x0.3xnan", "neither a size"),
+        ("1e400x0.3x0.3", "length is inf"),
+        ("a\nb", "a\\nb"),
+    ],
+)
+def test_a_bad_container(text, words):
+    with pytest.raises(ContainerError) as problem:
+        parse_container(text, BOXES)
+    assert words in str(problem.value)
+    assert "\n" not in str(problem.value)

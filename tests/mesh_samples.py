@@ -1,0 +1,68 @@
+"""Small mesh files for tests, written without the readers under test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+
+def block(
+    x: float = 0.1, y: float = 0.06, z: float = 0.04, at: tuple[float, float, float] = (0, 0, 0)
+) -> trimesh.Trimesh:
+    """A box of 12 faces about a point."""
+    mesh = trimesh.creation.box(extents=(x, y, z))
+    mesh.apply_translation(at)
+    return mesh
+
+
+def ball(
+    radius: float = 0.05, at: tuple[float, float, float] = (0, 0, 0), subdivisions: int = 3
+) -> trimesh.Trimesh:
+    """A sphere about a point."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    mesh.apply_translation(at)
+    return mesh
+
+
+def cup() -> trimesh.Trimesh:
+    """A thick-walled open cup: not convex, one body."""
+    profile = [(0, 0), (0.03, 0), (0.04, 0.1), (0.035, 0.1), (0.027, 0.005), (0, 0.005)]
+    return trimesh.creation.revolve(np.array(profile, dtype=float), sections=32)
+
+
+def arrays(*meshes: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of several meshes in one, nothing merged."""
+    vertices, faces, base = [], [], 0
+    for mesh in meshes:
+        vertices.append(np.array(mesh.vertices))
+        faces.append(np.array(mesh.faces) + base)
+        base += len(mesh.vertices)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def write_ply(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Path:
+    """Text PLY with every digit."""
+    lines = [
+        "ply", "format ascii 1.0", f"element vertex {len(vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header",
+        *(" ".join(repr(float(x)) for x in v) for v in vertices),
+        *(f"{len(f)} " + " ".join(str(int(i)) for i in f) for f in faces),
+    ]  # fmt: skip
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_mesh(path: Path, *meshes: trimesh.Trimesh) -> Path:
+    """Text PLY of several meshes in one."""
+    return write_ply(path, *arrays(*meshes))
+
+
+def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Path:
+    """Plain OBJ."""
+    text = [" ".join(["v", *(repr(float(x)) for x in v)]) for v in vertices]
+    text += [" ".join(["f", *(str(int(i) + 1) for i in f)]) for f in faces]
+    path.write_text("\n".join(text) + "\n")
+    return path
