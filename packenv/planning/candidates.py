@@ -89,7 +89,8 @@ class Candidates:
     @property
     def xy_sum(self) -> FloatArray:
         """(n,) X + Y of the corner, m: the tie-break of the scores."""
-        return np.multiply(self.ix + self.iy, self.cell_size, dtype=np.float64)
+        cells: FloatArray = (self.ix + self.iy).astype(np.float64)
+        return cells * self.cell_size
 
 
 def grid_search(surface: ContainerMap, orientations: Sequence[OrientedItem], step: int) -> Candidates:
