@@ -289,3 +289,28 @@ class Plan:
     def complete(self) -> bool:
         """True where every item of the order is placed."""
         return not self.leftovers
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Point contacts of a pile (paper Sec. III-A).
+
+    Bodies are numbered: 0 is the container (walls and floor), 1 to n the items in packing sequence.
+
+    Attributes:
+        points: (k, 3) container frame, m.
+        normals: (k, 3) unit, pointing *into* the body ``second``: the force on it is along the normal.
+        first: (k,) int64 body that pushes; the opposite force acts on it.
+        second: (k,) int64 body that is pushed; never 0.
+        gaps: (k,) distance between the two surfaces at the contact, m; negative where they are in each other.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    first: IntArray
+    second: IntArray
+    gaps: FloatArray
+
+    def __len__(self) -> int:
+        """Number of contacts."""
+        return len(self.points)
