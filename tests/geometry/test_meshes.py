@@ -189,10 +189,55 @@ class TestScenes:
             {"children": [1], "translation": [1.0, 0, 0], "scale": [2, 2, 2]},
             {"mesh": 0, "rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)], "translation": [0, 0.1, 0]},
         ]
-        write_glb(path, mesh, nodes)
+        write_glb(path, mesh.vertices, [(mesh.faces, 4)], nodes)
         found = load_mesh(path)
         assert found.vertices.mean(axis=0) == pytest.approx([1.0, 0.2, 0], abs=1e-6)
         assert np.ptp(found.vertices, axis=0) == pytest.approx([0.12, 0.2, 0.08], abs=1e-6)
+
+    def test_glb_fans_and_strips(self, tmp_path):
+        """A tetrahedron as one strip; an octahedron as two fans: 1/6 and 4/3 of the cube of the edge."""
+        path = tmp_path / "s.glb"
+        corners = np.vstack([np.zeros(3), np.eye(3)]) * 0.06
+        write_glb(path, corners, [([0, 2, 1, 3, 0, 2], 5)], [{"mesh": 0}])
+        found = load_mesh(path)
+        assert found.repairs == ()
+        assert signed_volume(found.vertices, found.faces) == pytest.approx(0.06**3 / 6)
+        tips = np.vstack([np.eye(3), -np.eye(3)]) * 0.06
+        write_glb(path, tips, [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)], [{"mesh": 0}])
+        found = load_mesh(path)
+        assert found.repairs == ()
+        assert signed_volume(found.vertices, found.faces) == pytest.approx(4 / 3 * 0.06**3)
+
+    def test_glb_parts_below_a_camera_or_below_lines_are_there(self, tmp_path):
+        path = tmp_path / "s.glb"
+        mesh = block()
+        triangles = {"attributes": {"POSITION": 0}, "indices": 1}
+        meshes = [{"primitives": [triangles]}, {"primitives": [{"attributes": {"POSITION": 0}, "mode": 3}]}]
+        nodes = [
+            {"camera": 0, "mesh": 0, "children": [1]},
+            {"mesh": 1, "translation": [1, 0, 0], "children": [2]},
+            {"mesh": 0},
+        ]
+        lens = {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}
+        write_glb(path, mesh.vertices, [(mesh.faces, 4)], nodes, meshes=meshes, cameras=[lens])
+        found = load_mesh(path)
+        assert "1 sets of points or lines were ignored" in found.notes
+        assert signed_volume(found.vertices, found.faces) == pytest.approx(2 * mesh.volume, rel=1e-5)
+        assert np.ptp(found.vertices[:, 0]) == pytest.approx(1.1)
+
+    def test_3mf_components_of_components_are_all_there(self, tmp_path):
+        """Every level holds the one below twice: 2 to the 5th bodies."""
+        path = tmp_path / "a.3mf"
+        levels = [
+            f'<object id="{k + 1}"><components><component objectid="{k}"/><component objectid="{k}" '
+            f'transform="1 0 0 0 1 0 0 0 1 {20 * 2 ** (k - 1)} 0 0"/></components></object>'
+            for k in range(1, 6)
+        ]
+        items = ['<item objectid="6"/>']
+        write_3mf(path, model_3mf("millimeter", [object_3mf(1, block(10, 10, 10)), *levels], items))
+        found = load_mesh(path)
+        assert found.notes == ("32 disjoint bodies: taken as one rigid item",)
+        assert np.ptp(found.vertices, axis=0) == pytest.approx([0.63, 0.01, 0.01])
 
     def test_3mf_components_are_nested_and_the_build_decides(self, tmp_path):
         path = tmp_path / "a.3mf"
@@ -563,28 +608,47 @@ def write_3mf(path, model, **others):
     path.write_bytes(buffer.getvalue())
 
 
-def write_glb(path, mesh, nodes):
-    vertices = np.array(mesh.vertices, dtype="<f4").tobytes()
-    faces = np.array(mesh.faces, dtype="<u2").tobytes()
+def write_glb(path, vertices, runs, nodes, **changes):
+    """A GLB of one mesh: ``runs`` are (indices, glTF mode) of its primitives; ``changes`` replace tables."""
+    points = np.array(vertices, dtype="<f4").tobytes()
+    indices = [np.array(run, dtype="<u2").reshape(-1) for run, _ in runs]
+    binary = points + b"".join(run.tobytes() for run in indices)
+    starts = np.cumsum([0, *(2 * len(run) for run in indices)]).tolist()
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": nodes,
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "meshes": [
+            {
+                "primitives": [
+                    {"attributes": {"POSITION": 0}, "indices": k, "mode": mode}
+                    for k, (_, mode) in enumerate(runs, start=1)
+                ]
+            }
+        ],
         "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": len(mesh.vertices), "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5123, "count": 3 * len(mesh.faces), "type": "SCALAR"},
+            {"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3"},
+            *(
+                {
+                    "bufferView": 1,
+                    "byteOffset": start,
+                    "componentType": 5123,
+                    "count": len(run),
+                    "type": "SCALAR",
+                }
+                for start, run in zip(starts, indices, strict=False)
+            ),
         ],
         "bufferViews": [
-            {"buffer": 0, "byteLength": len(vertices)},
-            {"buffer": 0, "byteOffset": len(vertices), "byteLength": len(faces)},
+            {"buffer": 0, "byteLength": len(points)},
+            {"buffer": 0, "byteOffset": len(points), "byteLength": len(binary) - len(points)},
         ],
-        "buffers": [{"byteLength": len(vertices) + len(faces)}],
-    }
+        "buffers": [{"byteLength": len(binary)}],
+    } | changes
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
-    binary = vertices + faces
+    binary += bytes(-len(binary) % 4)
     chunks = (
         struct.pack("<II", len(text), 0x4E4F534A)
         + text

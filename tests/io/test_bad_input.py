@@ -219,6 +219,13 @@ class TestTooLarge:
             archive.writestr("3D/3dmodel.model", b"<model><triangle />" + b"<triangle />" * 1_000_001)
         refused(lambda: load_mesh(path), path, "1,000,002 faces", error=MeshError)
 
+    def test_3mf_of_countless_tags(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            archive.writestr("3D/3dmodel.model", b"<model>" + b"<a/>" * 8_000_001 + b"</model>")
+        assert path.stat().st_size < 2**20
+        refused(lambda: load_mesh(path), path, "XML tags", error=MeshError)
+
 
 class TestContent:
     def test_obj_index_out_of_range(self, tmp_path):
@@ -371,6 +378,65 @@ class TestContent:
         head = b"glTF" + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
         path = tmp_path / "a.glb"
         path.write_bytes(head + text + rest)
+        refused(lambda: load_mesh(path), path, word, error=MeshError)
+
+    @pytest.mark.parametrize(
+        ("table", "change", "word"),
+        [
+            ("accessors", {"sparse": {"count": 1}}, "sparse"),
+            ("accessors", {"bufferView": None}, "damaged"),
+            ("accessors", {"count": -1}, "-1"),
+            ("accessors", {"count": 10**10}, "the limit is"),
+            ("accessors", {"byteOffset": 10**10}, "beyond the end"),
+            ("bufferViews", {"byteOffset": -4}, "-4"),
+            ("nodes", {"mesh": -1}, "-1"),
+            ("nodes", {"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, None, 0, 0, 0, 0, 1]}, "finite"),
+            ("nodes", {"matrix": [float("nan")] * 16}, "finite"),
+        ],
+    )
+    def test_glb_with_a_damaged_entry_in_each_row(self, table, change, word, tmp_path):
+        """What lenient loaders read as zeros, as another row or as nothing at all."""
+        data = good("glb")
+        size = struct.unpack_from("<I", data, 12)[0]
+        rows = json.loads(data[20 : 20 + size])[table]
+        self.test_glb_that_cannot_be_read({table: [row | change for row in rows]}, word, tmp_path)
+
+    def test_glb_without_data(self, tmp_path):
+        data = good("glb")
+        size = struct.unpack_from("<I", data, 12)[0]
+        rows = json.loads(data[20 : 20 + size])["accessors"]
+        for row in rows:
+            del row["bufferView"]
+        self.test_glb_that_cannot_be_read({"accessors": rows}, "sparse", tmp_path)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "word"),
+        [
+            ('v1="0"', 'v1="-1"', "vertex -1"),
+            ('v1="0"', 'v1="8"', "vertex 8"),
+            ('v1="0"', 'v1="0.5"', "0.5"),
+            (' x="', ' x="1,', "could not convert"),
+            (' x="', ' w="', "'x'"),
+            ('<item objectid="', '<item objectid="9', "placed but not there"),
+            ("<build>", "<building>", "damaged"),
+        ],
+    )
+    def test_3mf_that_cannot_be_read(self, old, new, word, tmp_path):
+        vertices, faces = arrays(block())
+        points = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in vertices)
+        corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces)
+        model = (
+            f'<model unit="meter"><resources><object id="1"><mesh><vertices>{points}</vertices>'
+            f"<triangles>{corners}</triangles></mesh></object></resources>"
+            '<build><item objectid="1"/></build></model>'
+        )
+        path = tmp_path / "a.3mf"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("3D/3dmodel.model", model)
+        assert len(load_mesh(path).vertices) == 8
+        assert old in model
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("3D/3dmodel.model", model.replace(old, new))
         refused(lambda: load_mesh(path), path, word, error=MeshError)
 
     def test_3mf_with_entities(self, tmp_path):

@@ -17,7 +17,6 @@ _TYPES = {
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_FACE_LISTS = ("vertex_indices", "vertex_index")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from packenv.errors import MeshError
-from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh, check_counts, check_indices
+from packenv.geometry.readers.raw import (
+    MAX_FACES,
+    MAX_FILE_BYTES,
+    MAX_VERTICES,
+    RawMesh,
+    check_counts,
+    check_indices,
+)
 from packenv.geometry.readers.scene import ScenePart, joined
 from packenv.types import FloatArray
 
@@ -28,6 +35,7 @@ _METRES = {
 }
 _MAX_DEPTH = 32
 _MAX_PARTS = 10_000
+_MAX_TAGS = 2 * (MAX_FACES + MAX_VERTICES)
 
 
 def read_threemf(path: Path, data: bytes) -> RawMesh:
@@ -85,6 +93,9 @@ class _Package:
             if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
                 raise MeshError(f"{self.path}: its model declares XML entities, which 3MF does not allow")
             check_counts(self.path, vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
+            # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
+            if text.count(b"<") > _MAX_TAGS:
+                raise MeshError(f"{self.path}: over {_MAX_TAGS:,} XML tags in {name}; decimate the mesh")
             self.models[name] = ElementTree.fromstring(text)
         return self.models[name]
 
