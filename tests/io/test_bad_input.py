@@ -208,6 +208,15 @@ class TestTooLarge:
         path.write_text("OFF\n5 10000000 0\n")
         refused(lambda: load_mesh(path), path, "10,000,000 faces", error=MeshError)
 
+    @pytest.mark.parametrize("count", ["9" * 4000, "-" + "9" * 4000])
+    def test_a_number_of_more_digits_than_a_line_holds(self, count, tmp_path):
+        path = tmp_path / "a.off"
+        path.write_text(f"OFF\n5 {count} 0\n")
+        refused(lambda: load_mesh(path), path, "999", error=MeshError)
+        path = write_ply(tmp_path / "a.ply", *arrays(block()))
+        path.write_text(path.read_text().replace("element face 12", f"element face {count}"))
+        refused(lambda: load_mesh(path), path, "999", error=MeshError)
+
     def test_obj(self, tmp_path):
         path = tmp_path / "a.obj"
         path.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + b"f 1 2 3\n" * 1_000_001)
@@ -233,7 +242,7 @@ class TestContent:
         path = write_obj(tmp_path / "a.obj", vertices, faces + (faces == 7))
         refused(lambda: load_mesh(path), path, "vertex 9", "has 8", error=MeshError)
 
-    @pytest.mark.parametrize("index", ["0", "-9", "1.5", "x", ""])
+    @pytest.mark.parametrize("index", ["0", "-9", "1.5", "x", "", "9" * 4000])
     def test_obj_index_that_is_none(self, index, tmp_path):
         vertices, faces = arrays(block())
         path = write_obj(tmp_path / "a.obj", vertices, faces)
@@ -362,6 +371,7 @@ class TestContent:
         [
             ({"buffers": [{"byteLength": 9, "uri": "x.bin"}]}, "another file"),
             ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco_mesh_compression"),
+            ({"extensionsRequired": ["X" * 2000]}, "XXX..."),
             ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "circle"),
             ({"accessors": []}, "damaged"),
             ({"bufferViews": [{"buffer": 0, "byteOffset": 10**9, "byteLength": 9}] * 9}, "beyond the end"),
@@ -419,6 +429,8 @@ class TestContent:
             (' x="', ' w="', "'x'"),
             ('<item objectid="', '<item objectid="9', "placed but not there"),
             ("<build>", "<building>", "damaged"),
+            ('<item objectid="', '<item objectid="' + "9" * 2000, "placed but not there"),
+            ('unit="meter"', f'unit="{"m" * 2000}"', "millimeter"),
         ],
     )
     def test_3mf_that_cannot_be_read(self, old, new, word, tmp_path):
@@ -438,6 +450,14 @@ class TestContent:
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("3D/3dmodel.model", model.replace(old, new))
         refused(lambda: load_mesh(path), path, word, error=MeshError)
+
+    def test_3mf_whose_member_has_another_name_than_its_directory_says(self, tmp_path):
+        """The library's own words then hold that name, here most of the file."""
+        data = bytearray(good("3mf"))
+        data[26:28] = struct.pack("<H", 1500)
+        path = tmp_path / "a.3mf"
+        path.write_bytes(data)
+        refused(lambda: load_mesh(path), path, "damaged", error=MeshError)
 
     def test_3mf_with_entities(self, tmp_path):
         path = tmp_path / "a.3mf"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from packenv.errors import MeshError
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
+from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_indices
 from packenv.geometry.readers.scene import ScenePart, joined
 from packenv.types import FloatArray, IntArray
 
@@ -42,7 +42,7 @@ def read_glb(path: Path, data: bytes) -> RawMesh:
         return _Reader(path, document, binary).read()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as problem:
         raise MeshError(
-            f"{path}: damaged GLB file ({type(problem).__name__}: {problem}); export it again"
+            f"{path}: damaged GLB file ({type(problem).__name__}: {brief(problem)}); export it again"
         ) from None
 
 
@@ -95,7 +95,7 @@ class _Reader:
         for name in self.document.get("extensionsRequired", []):
             if not str(name).startswith(_HARMLESS):
                 raise MeshError(
-                    f"{self.path}: needs the glTF extension {name}; export it without compression"
+                    f"{self.path}: needs the glTF extension {brief(name)}; export it without compression"
                 )
         if any("uri" in buffer for buffer in self.document.get("buffers", [])):
             raise MeshError(f"{self.path}: keeps its data in another file; export one self-contained GLB")

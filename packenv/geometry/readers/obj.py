@@ -8,7 +8,7 @@ import numpy as np
 
 from packenv.errors import MeshError
 from packenv.geometry.polygons import triangulated
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_points, numbers
+from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_points, numbers
 
 
 def read_obj(path: Path, data: bytes) -> RawMesh:
@@ -74,7 +74,7 @@ def _face(path: Path, number: int, line: bytes, n_vertices: int) -> list[int]:
     for index, given in zip(face, raw, strict=True):
         if given == 0 or index < 0 or given > 2**62:
             raise MeshError(
-                f"{path}, line {number}: face index {given} is out of range, "
+                f"{path}, line {number}: face index {brief(given)} is out of range, "
                 f"the {n_vertices} vertices up to here are 1 to {n_vertices} or -1 to -{n_vertices}"
             )
     return face

@@ -44,6 +44,12 @@ class RawMesh:
     notes: tuple[str, ...] = ()
 
 
+def brief(text: object) -> str:
+    """What a file or a library says, cut to what a message can hold."""
+    whole = str(text)
+    return whole if len(whole) <= 80 else f"{whole[:77]}..."
+
+
 def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
     """Refuse a mesh that is too large, before any memory is asked for it.
 
@@ -51,11 +57,13 @@ def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
         MeshError: more vertices or faces than the limits, or a negative number of them.
     """
     if vertices < 0 or faces < 0:
-        raise MeshError(f"{path}: damaged, it announces {vertices} vertices and {faces} faces")
+        raise MeshError(f"{path}: damaged, it announces {brief(vertices)} vertices and {brief(faces)} faces")
     if faces > MAX_FACES:
-        raise MeshError(f"{path}: {faces:,} faces, the limit is {MAX_FACES:,}; decimate the mesh")
+        raise MeshError(f"{path}: {brief(f'{faces:,}')} faces, the limit is {MAX_FACES:,}; decimate the mesh")
     if vertices > MAX_VERTICES:
-        raise MeshError(f"{path}: {vertices:,} vertices, the limit is {MAX_VERTICES:,}; decimate the mesh")
+        raise MeshError(
+            f"{path}: {brief(f'{vertices:,}')} vertices, the limit is {MAX_VERTICES:,}; decimate the mesh"
+        )
 
 
 def check_points(path: Path, vertices: FloatArray) -> None:

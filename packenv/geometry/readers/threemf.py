@@ -16,6 +16,7 @@ from packenv.geometry.readers.raw import (
     MAX_FILE_BYTES,
     MAX_VERTICES,
     RawMesh,
+    brief,
     check_counts,
     check_indices,
 )
@@ -55,10 +56,12 @@ def read_threemf(path: Path, data: bytes) -> RawMesh:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _Package(path, archive).read()
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as problem:
-        raise MeshError(f"{path}: truncated or damaged 3MF file ({problem}); export it again") from None
+        raise MeshError(
+            f"{path}: truncated or damaged 3MF file ({brief(problem)}); export it again"
+        ) from None
     except (ElementTree.ParseError, LookupError, ValueError, OverflowError) as problem:
         raise MeshError(
-            f"{path}: damaged 3MF file, its model cannot be read ({problem}); export it again"
+            f"{path}: damaged 3MF file, its model cannot be read ({brief(problem)}); export it again"
         ) from None
 
 
@@ -80,7 +83,7 @@ class _Package:
         root = self._model(ROOT_MODEL)
         unit = root.get("unit", "millimeter")
         if unit not in _METRES:
-            raise MeshError(f"{self.path}: its unit is {unit!r}, 3MF knows {', '.join(_METRES)}")
+            raise MeshError(f"{self.path}: its unit is {brief(unit)!r}, 3MF knows {', '.join(_METRES)}")
         for item in root.findall("{*}build/{*}item"):
             self._place(_model_of(item) or ROOT_MODEL, item.attrib["objectid"], _transform(item), 0)
         return joined(self.path, self.parts, metres=_METRES[unit])
@@ -88,14 +91,16 @@ class _Package:
     def _model(self, name: str) -> ElementTree.Element:
         if name not in self.models:
             if name not in self.names:
-                raise MeshError(f"{self.path}: not a 3MF file, or damaged: it holds no {name}")
+                raise MeshError(f"{self.path}: not a 3MF file, or damaged: it holds no {brief(name)}")
             text = self.archive.read(self.names[name])
             if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
                 raise MeshError(f"{self.path}: its model declares XML entities, which 3MF does not allow")
             check_counts(self.path, vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
             # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
             if text.count(b"<") > _MAX_TAGS:
-                raise MeshError(f"{self.path}: over {_MAX_TAGS:,} XML tags in {name}; decimate the mesh")
+                raise MeshError(
+                    f"{self.path}: over {_MAX_TAGS:,} XML tags in {brief(name)}; decimate the mesh"
+                )
             self.models[name] = ElementTree.fromstring(text)
         return self.models[name]
 
@@ -109,7 +114,9 @@ class _Package:
             if thing.get("id") == object_id:
                 break
         else:
-            raise MeshError(f"{self.path}: damaged 3MF file, object {object_id} is placed but not there")
+            raise MeshError(
+                f"{self.path}: damaged 3MF file, object {brief(object_id)} is placed but not there"
+            )
         mesh = thing.find("{*}mesh")
         if mesh is not None:
             self.parts.append(self._part(mesh, transform))
