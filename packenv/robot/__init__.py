@@ -1,0 +1,1 @@
+"""The robot: TX90 kinematics, vacuum gripper, cell layout, URDF."""
