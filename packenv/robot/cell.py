@@ -15,7 +15,7 @@ import numpy as np
 from packenv.robot import gripper
 from packenv.robot.shapes import arm_lowest, self_collision
 from packenv.robot.tx90 import MAX_STEP, PathBranches, continuous_branches
-from packenv.types import Container, FloatArray
+from packenv.types import BoolArray, Container, FloatArray
 
 NEAR_EDGE: Final = 0.30
 """From joint 1's axis to the inner face of the container's near wall, m."""
@@ -84,17 +84,22 @@ class Cell:
         points[:, 2] += np.linspace(lift, 0.0, waypoints)
         return gripper.tool_to_flange(gripper.top_down(points))
 
-    def arm_clear(self, q: FloatArray) -> bool:
-        """Whether the arm keeps above the rim and off itself along a path.
+    def arm_clear(self, q: FloatArray) -> BoolArray:
+        """Whether the arm keeps above the rim and off itself along each of some paths.
 
         Links 2 to 6 above the rim hit neither the walls nor what the container holds; the base and link 1
         stay within ``shapes.COLUMN_RADIUS``, which the layout keeps off the container. The gripper and the
         held item are the caller's to check.
 
         Args:
-            q: (m, 6) rad.
+            q: (k, m, 6) joints of k paths of m poses, rad.
+
+        Returns:
+            (k,) True where every pose of the path is clear.
         """
-        return bool(arm_lowest(q).min() >= self.rim) and not bool(self_collision(q).any())
+        clear: BoolArray = np.all(arm_lowest(q) >= self.rim, axis=-1)
+        clear[clear] = ~self_collision(q[clear]).any(axis=-1)
+        return clear
 
     def clear_branches(self, path: FloatArray, *, max_step: float = MAX_STEP) -> PathBranches:
         """The continuous branches along a path whose arm keeps above the rim and off itself.
@@ -107,5 +112,5 @@ class Cell:
             the branches that are left; none is an answer.
         """
         found = continuous_branches(path, max_step=max_step)
-        keep = [k for k in range(len(found)) if self.arm_clear(found.q[k])]
+        keep = np.flatnonzero(self.arm_clear(found.q))
         return PathBranches(found.q[keep], tuple(found.slots[k] for k in keep), found.beyond_limits)
