@@ -1,0 +1,136 @@
+"""Fewer contacts with the same effect: the corners of every flat patch.
+
+Forces at points inside a flat patch with one normal are sums of forces at the corners of its convex hull, so
+leaving them out changes no answer. Averaging contacts over cells, as the paper does, moves the hull inwards,
+and an item that stands safely seems to fall.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from packenv.geometry.distance_kernels import compiled
+from packenv.types import Contacts
+
+ANGLE = math.radians(5.0)
+"""Normals this close to a patch's first one belong to the patch, rad."""
+
+FLAT = 0.75e-3
+"""Points this close to the plane of a patch belong to it, m."""
+
+HULL = 0.1e-3
+"""A corner that stands out by less than this from the hull of the others is left out, m."""
+
+
+def thin(contacts: Contacts, *, angle: float = ANGLE, flat: float = FLAT, hull: float = HULL) -> Contacts:
+    """Keep only the corners of each flat patch of contacts between the same two bodies.
+
+    Args:
+        contacts: any.
+        angle: rad, how far normals in one patch may differ.
+        flat: m, how far points of one patch may be off its plane.
+        hull: m, how far the hull of what is kept may stay behind the hull of all.
+
+    Returns:
+        Some of the contacts, unchanged and in their sequence.
+    """
+    if not len(contacts):
+        return contacts
+    keep = np.zeros(len(contacts), np.bool_)
+    _mark_corners(
+        contacts.points,
+        contacts.normals,
+        contacts.first,
+        contacts.second,
+        math.cos(angle),
+        flat,
+        hull,
+        keep,
+    )
+    return Contacts(
+        contacts.points[keep],
+        contacts.normals[keep],
+        contacts.first[keep],
+        contacts.second[keep],
+        contacts.gaps[keep],
+    )
+
+
+@compiled
+def _mark_corners(points, normals, first, second, cosine, flat, hull, keep):  # type: ignore[no-untyped-def]
+    """Set ``keep`` for the corners of all patches.
+
+    A patch is what lies close to the plane through its first contact. Its directions are taken from its own
+    points, so that a pile that is moved as a whole keeps the same contacts.
+    """
+    n = len(points)
+    done = np.zeros(n, np.bool_)
+    members = np.empty(n, np.int64)
+    ends = np.empty((n + 2, 2), np.int64)
+    for seed in range(n):
+        if done[seed]:
+            continue
+        m = 0
+        for j in range(seed, n):
+            if done[j] or first[j] != first[seed] or second[j] != second[seed]:
+                continue
+            same, off = 0.0, 0.0
+            for axis in range(3):
+                same += normals[j, axis] * normals[seed, axis]
+                off += (points[j, axis] - points[seed, axis]) * normals[seed, axis]
+            if same >= cosine and abs(off) <= flat:
+                done[j] = True
+                members[m] = j
+                m += 1
+        a = _farthest(points, members, m, seed)
+        b = _farthest(points, members, m, a)
+        keep[a] = True
+        width = 0.0
+        for axis in range(3):
+            width += (points[a, axis] - points[b, axis]) ** 2
+        if width <= hull * hull:
+            continue
+        keep[b] = True
+        ends[0, 0], ends[0, 1] = a, b
+        ends[1, 0], ends[1, 1] = b, a
+        depth = 2
+        nx, ny, nz = normals[seed, 0], normals[seed, 1], normals[seed, 2]
+        while depth > 0:
+            depth -= 1
+            p, q = ends[depth, 0], ends[depth, 1]
+            ux, uy, uz = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1], points[q, 2] - points[p, 2]
+            vx, vy, vz = uy * nz - uz * ny, uz * nx - ux * nz, ux * ny - uy * nx
+            length = math.sqrt(vx * vx + vy * vy + vz * vz)
+            if length < 1e-12:
+                continue
+            most, at = hull * length, -1
+            for i in range(m):
+                j = members[i]
+                out = (
+                    (points[j, 0] - points[p, 0]) * vx
+                    + (points[j, 1] - points[p, 1]) * vy
+                    + (points[j, 2] - points[p, 2]) * vz
+                )
+                if out > most:
+                    most, at = out, j
+            if at >= 0:
+                keep[at] = True
+                ends[depth, 0], ends[depth, 1] = p, at
+                ends[depth + 1, 0], ends[depth + 1, 1] = at, q
+                depth += 2
+
+
+@compiled
+def _farthest(points, members, m, start):  # type: ignore[no-untyped-def]
+    """The member that is farthest from the contact ``start``."""
+    best, most = start, -1.0
+    for i in range(m):
+        j = members[i]
+        d = 0.0
+        for axis in range(3):
+            d += (points[j, axis] - points[start, axis]) ** 2
+        if d > most:
+            best, most = j, d
+    return best
