@@ -54,12 +54,15 @@ def main() -> int:
     ).surfaces[-1]
     rng = np.random.default_rng(0)
 
+    def translations(shape: tuple[int, ...]) -> int:
+        nx, ny = half_full.heights.shape
+        return (nx - shape[0] + 1) * (ny - shape[1] + 1)
+
     def evaluate(orientations: tuple) -> tuple[int, int]:
         surface = ContainerMap(container, grid.cell_size, half_full.heights)
         candidates = grid_search(surface, orientations, 1)
         HEURISTICS["hm"](candidates, rng)
-        updates = sum(g.n_cells * g.z.size for g in candidates.grids)
-        return len(candidates), updates
+        return len(candidates), sum(g.n_cells * translations(g.oriented.top.shape) for g in candidates.grids)
 
     rows = []
     for name, item in items.items():

@@ -32,7 +32,11 @@ def run_jobs(
     """
     if workers == 0:
         prepare(*arguments)
-        yield from (work(job) for job in jobs)
+        for job in jobs:
+            try:
+                yield work(job)
+            except Exception as problem:
+                yield _failure(job, problem)
         return
     with ProcessPool(max_workers=workers, initializer=prepare, initargs=arguments) as pool:
         running = {pool.schedule(work, args=[job], timeout=timeout): job for job in jobs}
@@ -42,6 +46,10 @@ def run_jobs(
                 if problem is None:
                     yield future.result()
                 else:
-                    yield {"key": running[future].key, "error": f"{type(problem).__name__}: {problem}"}
+                    yield _failure(running[future], problem)
         finally:
             pool.stop()
+
+
+def _failure(job: Any, problem: BaseException) -> dict[str, Any]:
+    return {"key": job.key, "error": f"{type(problem).__name__}: {problem}"}

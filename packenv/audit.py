@@ -227,3 +227,18 @@ def _protrusions(step: int, name: str, posed: Posed, container: Container) -> li
         for (axis, side), depth in zip(_SIDES, beyond, strict=True)
         if depth > PROTRUSION_TOLERANCE
     ]
+
+
+def misstated_boxes(plan: Plan, items: Mapping[str, Item]) -> tuple[int, ...]:
+    """Steps (from 1) whose stated bounding box is not that of the mesh at the stated pose, to 1 µm.
+
+    :func:`audit_plan` does not read the stated boxes; whoever reads a plan without its meshes does.
+    """
+    wrong = []
+    for step, placement in enumerate(plan.placements, start=1):
+        placed = items[placement.item].vertices @ placement.rotation.T + placement.position
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        error = np.abs(np.concatenate([placement.corner - low, placement.extents - (high - low)]))
+        if error.max() > PROTRUSION_TOLERANCE:
+            wrong.append(step)
+    return tuple(wrong)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -29,8 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = _parser().parse_args(argv)
-    command = importlib.import_module(f"packenv.commands.{arguments.module}")
     try:
+        _print_what_the_terminal_can()
+        command = importlib.import_module(f"packenv.commands.{arguments.module}")
         code: int = command.run(arguments)
         sys.stdout.flush()
     except RobotPackError as problem:
@@ -43,7 +45,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output has gone (`robotpack ... | head`); say nothing more, not even at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except OSError as problem:
+        # Files name themselves in errors of their own; what is left is the output, or a path that the
+        # system refuses before it is opened: too long, or in a folder that may not be entered.
+        where = problem.filename if problem.filename is not None else "standard output"
+        print(f"robotpack: {where}: {problem.strerror}", file=sys.stderr)  # noqa: T201
+        return 2
     return code
+
+
+def _print_what_the_terminal_can() -> None:
+    """Replace what standard output cannot encode (°, ³) instead of failing; refuse a closed one."""
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
+    elif isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -59,6 +75,14 @@ def _parser() -> argparse.ArgumentParser:
     _add_view(commands)
     _add_items(commands)
     return parser
+
+
+def _seed(text: str) -> int:
+    """A seed as NumPy takes it."""
+    value = int(text)
+    if not 0 <= value < 2**64:
+        raise argparse.ArgumentTypeError(f"{value} is not between 0 and 2^64 - 1")
+    return value
 
 
 def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
@@ -106,7 +130,7 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="by non-increasing bounding-box volume, or as the order gives it (default: %(default)s)",
     )
     pack.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="for heuristics that draw (default: 0)"
+        "--seed", type=_seed, default=0, metavar="N", help="for heuristics that draw (default: 0)"
     )
     pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")
     pack.add_argument(

@@ -218,6 +218,9 @@ def test_a_byte_order_mark_is_accepted(shelf: Path, tmp_path: Path) -> None:
         (["--out", "/nowhere/p.json"], ["/nowhere"]),
         (["--html", "/nowhere/p.html"], ["/nowhere"]),
         (["--png", "/"], ["folder"]),
+        (["--png", "/dev/null"], ["regular"]),
+        (["--out", "x" * 300], ["long"]),
+        (["--catalogue", "x" * 300], ["long"]),
     ],
 )
 def test_a_wrong_option_is_one_line(
@@ -308,7 +311,14 @@ def test_help_imports_nothing_heavy() -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["pack"], ["pack", "o.csv", "--heuristic", "magic"], ["fly"], ["pack", "o.csv", "--seed", "x"]],
+    [
+        [],
+        ["pack"],
+        ["pack", "o.csv", "--heuristic", "magic"],
+        ["fly"],
+        ["pack", "o.csv", "--seed=-1"],
+        ["pack", "o.csv", "--seed", "x"],
+    ],
 )
 def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
     done = _process(*arguments)
@@ -351,3 +361,78 @@ def test_poses_in_the_plan_are_rigid_motions(order: Path, shelf: Path, tmp_path:
         assert np.linalg.norm(step["quat_xyzw"]) == pytest.approx(1, abs=1e-12)
         on_grid = np.array(step["corner"][:2]) / 0.01
         np.testing.assert_allclose(on_grid, np.round(on_grid), atol=1e-9)
+
+
+@pytest.mark.parametrize("same", ["order.csv", "p.json"])
+def test_no_output_replaces_another_file(
+    same: str, order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = order.read_bytes()
+    _refused(capsys, _pack(order, shelf, "--out", tmp_path / "p.json", "--html", tmp_path / same), same)
+    assert order.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["order.csv"]
+
+
+def test_a_link_is_followed(order: Path, shelf: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.json").symlink_to(tmp_path / "real.json")
+    assert _pack(order, shelf, "--out", tmp_path / "link.json") == 0
+    assert (tmp_path / "link.json").is_symlink()
+    assert json.loads((tmp_path / "real.json").read_text())["schema_version"] == 1
+
+
+def test_a_plan_that_fails_its_audit_can_be_looked_at(
+    order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "p.json"
+    _pack(order, shelf, "--out", path)
+    plan = json.loads(path.read_text())
+    plan["steps"][1]["position"][1] -= 1
+    path.write_text(json.dumps(plan))
+    capsys.readouterr()
+    assert main(["view", str(path), "-o", str(tmp_path / "v.html")]) == 0
+    assert "no heightmap" in capsys.readouterr().err
+    assert main(["verify", str(path), "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert report["misstated_boxes"] == [2]
+    assert [p["step"] for p in report["protrusions"]] == [2]
+
+
+@pytest.mark.parametrize("cell", [0.0, -0.002, 1e-7, "0.002", None])
+def test_a_wrong_cell_size_in_a_plan_is_one_line(
+    cell: object, order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "p.json"
+    _pack(order, shelf, "--out", path)
+    plan = json.loads(path.read_text())
+    plan["settings"]["cell_size"] = cell
+    path.write_text(json.dumps(plan))
+    capsys.readouterr()
+    _refused(capsys, main(["view", str(path), "-o", str(tmp_path / "v.html")]), "cell_size")
+
+
+def test_an_ascii_terminal_is_no_error(order: Path, shelf: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    arguments = ["pack", str(order), "--catalogue", str(shelf), "--container", SIZE]
+    done = subprocess.run(
+        [sys.executable, "-m", "packenv.cli", *arguments],
+        cwd=REPO,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_full_disk_is_one_line(order: Path, shelf: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "packenv.cli", "items", "check", str(shelf)],
+            cwd=REPO,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterable, Sequence
 
 from packenv.commands.loading import load_items, prepare_items
@@ -11,19 +12,20 @@ from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.files import check_writable
+from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
+from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json, write_plan
 from packenv.planning.packer import Packing, by_box_volume, pack
 from packenv.planning.scores import HEURISTICS
-from packenv.types import Container, Item, MeshRecord, Order, Plan
+from packenv.types import Container, Item, Plan
+
+_SETTINGS = ("heuristic", "constraints", "sequence", "seed")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
-    for option in ("out", "html", "png"):
-        if (path := getattr(arguments, option)) is not None:
-            check_writable(path, f"--{option}")
+    check_outputs({f"--{name}": getattr(arguments, name) for name in ("out", "html", "png")}, arguments.order)
     catalogue = open_catalogue(arguments.catalogue, unit=arguments.unit)
     order = read_order(arguments.order, catalogue.names)
     boxes = read_boxes(arguments.boxes)
@@ -40,7 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
     packing = _smallest(
         (_pack_into(box, sequence, prepared, grid, arguments) for box in containers), len(sequence)
     )
-    plan = _plan(packing, order, items, catalogue.label, grid, arguments)
+    plan = make_plan(
+        packing,
+        order.lines,
+        items,
+        grid,
+        catalogue=catalogue.label,
+        unit=arguments.unit,
+        settings={name: getattr(arguments, name) for name in _SETTINGS},
+    )
     _write(plan, packing, items, grid, arguments)
     if arguments.json:
         say_json(plan_to_json(plan))
@@ -79,45 +89,6 @@ def _smallest(packings: Iterable[Packing], ordered: int) -> Packing:
     return best
 
 
-def _plan(
-    packing: Packing,
-    order: Order,
-    items: dict[str, Item],
-    catalogue: str,
-    grid: GridConfig,
-    arguments: argparse.Namespace,
-) -> Plan:
-    tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
-    return Plan(
-        container=packing.container,
-        placements=packing.placements,
-        leftovers=packing.leftovers,
-        settings={
-            "heuristic": arguments.heuristic,
-            "constraints": arguments.constraints,
-            "sequence": arguments.sequence,
-            "seed": arguments.seed,
-            "cell_size": grid.cell_size,
-            "grid_step": grid.grid_step,
-            "n_poses": grid.n_poses,
-            "n_yaws": grid.n_yaws,
-        },
-        metrics={
-            "ordered": len(order.names),
-            "packed": len(packing.placements),
-            "utilization": packing.utilization,
-            "height": max(tops, default=0.0),
-        },
-        catalogue=catalogue,
-        unit=arguments.unit,
-        order=order.lines,
-        meshes={
-            name: MeshRecord(item.file, item.sha256, item.volume, item.mass, item.mass_estimated)
-            for name, item in items.items()
-        },
-    )
-
-
 def _write(
     plan: Plan,
     packing: Packing,
@@ -149,7 +120,7 @@ def _report(plan: Plan, arguments: argparse.Namespace) -> None:
     for step, p in enumerate(plan.placements, start=1):
         corner = " ".join(f"{c:6.3f}" for c in p.corner)
         size = " ".join(f"{e:6.3f}" for e in p.extents)
-        say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {p.yaw * 57.29577951308232:3.0f}°")
+        say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°")
     for left in plan.leftovers:
         say(f"   -  {left.item:<{width}}  not packed: {left.detail}")
     say(

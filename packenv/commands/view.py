@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+from pathlib import Path
 
 from packenv.commands.loading import load_plan
-from packenv.commands.output import say
-from packenv.errors import InputError
-from packenv.io.files import check_writable
+from packenv.commands.output import remark, say
+from packenv.errors import InputError, PlanError
+from packenv.io.files import check_outputs
 from packenv.io.scene import build_scene
+from packenv.planning.container_map import ContainerMap
 from packenv.planning.replay import replay
+from packenv.types import Item, Plan
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -18,14 +22,10 @@ def run(arguments: argparse.Namespace) -> int:
     kind = path.suffix.lower()
     if kind not in (".html", ".htm", ".png"):
         raise InputError(f"--out {path}: unknown kind {kind!r}, give a name that ends in .html or .png")
-    check_writable(path, "--out")
+    check_outputs({"--out": path}, arguments.plan)
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
-    cell_size = plan.settings.get("cell_size")
-    if not isinstance(cell_size, float):
-        raise InputError(
-            f"{arguments.plan}: settings.cell_size is {cell_size!r}, should be a number in metres"
-        )
-    surfaces = replay(plan.placements, items, plan.container, cell_size)
+    cell_size = _cell_size(plan, arguments.plan)
+    surfaces = _surfaces(plan, items, cell_size, arguments.plan)
     scene = build_scene(plan, items, [surface.heights for surface in surfaces], cell_size)
     if kind == ".png":
         from packenv.io.picture import render_plan_png
@@ -37,3 +37,21 @@ def run(arguments: argparse.Namespace) -> int:
         write_page(path, scene)
     say(f"wrote {path}")
     return 0
+
+
+def _cell_size(plan: Plan, path: Path) -> float:
+    value = plan.settings.get("cell_size")
+    if not isinstance(value, (int, float)) or not 2e-4 <= value <= 0.05:
+        raise PlanError(f"{path}: settings.cell_size is {value!r}, should be metres between 0.0002 and 0.05")
+    return float(value)
+
+
+def _surfaces(
+    plan: Plan, items: Mapping[str, Item], cell_size: float, path: Path
+) -> tuple[ContainerMap, ...]:
+    """The heightmaps, or none: a plan that fails its audit is the one that a person wants to look at."""
+    try:
+        return replay(plan.placements, items, plan.container, cell_size)
+    except ValueError as problem:
+        remark(f"{path}: no heightmap is shown: {problem}")
+        return ()

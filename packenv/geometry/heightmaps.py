@@ -14,14 +14,6 @@ _NOISE = 1e-12
 """Heights this far (m) past a quantum are rounding noise of the rotation, not material."""
 
 
-def yaw_rotation(yaw: float) -> FloatArray:
-    """(3, 3) rotation by ``yaw`` radians about z; exact at multiples of a right angle."""
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    if abs(cosine) < 1e-15 or abs(sine) < 1e-15:
-        cosine, sine = float(round(cosine)), float(round(sine))
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
 def orient_item(
     item: Item, rotation: FloatArray, *, cell_size: float, pose_index: int = 0, yaw: float = 0.0
 ) -> OrientedItem:

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from packenv.config import GridConfig
-from packenv.geometry.heightmaps import orient_item, yaw_rotation
+from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.transforms import yaw_rotation
 from packenv.types import Item, OrientedItem, StablePose
 
 

@@ -4,24 +4,42 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from packenv.errors import InputError
 
 
-def check_writable(path: Path, option: str) -> None:
-    """Refuse an output path before any work is done for it.
+def check_outputs(outputs: Mapping[str, Path | None], source: Path) -> None:
+    """Refuse output paths before any work is done for them.
 
     Args:
-        path: the file to be written.
-        option: the command-line option that named it, for the message.
+        outputs: the files to be written by the command-line option that named them; None is no file.
+        source: the input, which no output may replace.
 
     Raises:
-        InputError: the path is a folder, or its folder does not exist or cannot be written.
+        InputError: a path is no regular file, its folder does not exist or cannot be written, or two of
+            all these paths are the same.
     """
-    folder = path.parent
+    taken = {source.resolve(): str(source)}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        try:
+            _check_output(option, path)
+        except OSError as problem:
+            raise InputError(f"{option} {path}: cannot be written ({problem.strerror})") from None
+        if (other := taken.get(path.resolve())) is not None:
+            raise InputError(f"{option} {path}: is also {other}, give each file a name of its own")
+        taken[path.resolve()] = option
+
+
+def _check_output(option: str, path: Path) -> None:
+    folder = path.resolve().parent
     if path.is_dir():
         raise InputError(f"{option} {path}: is a folder, give a file name")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{option} {path}: is not a regular file, give another name")
     if not folder.is_dir():
         raise InputError(f"{option} {path}: folder {folder} does not exist, create it first")
     if not os.access(folder, os.W_OK):
@@ -31,11 +49,14 @@ def check_writable(path: Path, option: str) -> None:
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file by way of a temporary one beside it, so that no reader ever sees half of it.
 
+    A link is followed: the file that it points to is replaced, not the link.
+
     Raises:
         InputError: the file cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+        path = path.resolve()
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.", suffix=".tmp")
         temporary = Path(name)
         try:
             with os.fdopen(handle, "wb") as stream:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import sys
-import tempfile
 import zipfile
 import zlib
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from packenv.config import HEIGHT_QUANTUM, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem, prepare_item
+from packenv.io.files import write_whole
 from packenv.types import Item, OrientedItem, StablePose
 
 _FORMAT = 1
@@ -62,21 +63,15 @@ class ItemCache:
             InputError: the cache folder cannot be written.
         """
         path = self.path(item, grid)
+        stream = io.BytesIO()
+        poses, orientations, maps = _pack(prepared)
+        np.savez(stream, poses=poses, orientations=orientations, maps=maps)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-            try:
-                with os.fdopen(handle, "wb") as stream:
-                    poses, orientations, maps = _pack(prepared)
-                    np.savez(stream, poses=poses, orientations=orientations, maps=maps)
-                Path(temporary).replace(path)
-            except BaseException:
-                Path(temporary).unlink(missing_ok=True)
-                raise
-        except OSError as problem:
+            write_whole(path, stream.getvalue())
+        except (OSError, InputError):
             raise InputError(
-                f"cache folder {self.folder} cannot be written ({problem.strerror}); "
-                "set ROBOTPACK_CACHE to a folder that can"
+                f"cache folder {self.folder} cannot be written; set ROBOTPACK_CACHE to a folder that can"
             ) from None
 
     def prepare(self, item: Item, grid: GridConfig) -> PreparedItem:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from packenv import __version__
 from packenv.errors import ContainerError, PlanError
+from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.io.files import write_whole
 from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan
 
 SCHEMA_VERSION = 1
+_HUGE = 1e12
+"""No number in a plan is larger; NaN is not either."""
+
 _UNITS = {"length": "m", "mass": "kg", "volume": "m3", "angle": "rad"}
 
 
@@ -70,7 +73,7 @@ def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
         "item": placement.item,
         "instance": placement.instance,
         "position": placement.position.tolist(),
-        "quat_xyzw": Rotation.from_matrix(placement.rotation).as_quat(canonical=True).tolist(),
+        "quat_xyzw": rotation_to_quaternion(placement.rotation).tolist(),
         "corner": placement.corner.tolist(),
         "extents": placement.extents.tolist(),
         "stable_pose": placement.pose_index,
@@ -107,15 +110,19 @@ def read_plan(path: Path) -> Plan:
         raise PlanError(f"{path}: is not JSON ({problem}), give a plan that pack wrote") from None
     if not isinstance(document, dict) or "schema_version" not in document:
         raise PlanError(f"{path}: has no schema_version, give a plan that pack wrote")
-    if document["schema_version"] != SCHEMA_VERSION:
-        raise PlanError(
-            f"{path}: schema_version is {document['schema_version']!r}, this version reads {SCHEMA_VERSION}"
-        )
+    version = document["schema_version"]
+    if type(version) is not int or version != SCHEMA_VERSION:
+        raise PlanError(f"{path}: schema_version is {version!r:.80}, this version reads {SCHEMA_VERSION}")
     plan = _Reader(path).plan(document)
     if plan.catalogue == "builtin":
         return plan
     folder = (path.parent / plan.catalogue).as_posix()
     return replace(plan, catalogue=folder)
+
+
+def _is_finite(value: object) -> bool:
+    """Whether a JSON value is a number of a size that a pose, a score or a figure can have."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _HUGE
 
 
 class _Reader:
@@ -140,7 +147,7 @@ class _Reader:
 
     def number(self, table: object, key: str, where: str) -> float:
         value = self.get(table, key, where)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if not _is_finite(value):
             raise self.fail(f"{where}.{key}", value, "a finite number")
         return float(value)
 
@@ -153,7 +160,7 @@ class _Reader:
     def vector(self, table: object, key: str, where: str, size: int) -> np.ndarray:
         value = self.get(table, key, where)
         plain = isinstance(value, list) and len(value) == size
-        if not plain or not all(type(v) in (int, float) and math.isfinite(v) for v in value):
+        if not plain or not all(map(_is_finite, value)):
             raise self.fail(f"{where}.{key}", value, f"{size} finite numbers")
         return np.array(value, dtype=np.float64)
 
@@ -173,8 +180,7 @@ class _Reader:
         quaternion = self.vector(table, "quat_xyzw", where, 4)
         if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
             raise self.fail(f"{where}.quat_xyzw", quaternion.tolist(), "a unit quaternion")
-        matrix: np.ndarray = Rotation.from_quat(quaternion).as_matrix()
-        return matrix
+        return quaternion_to_rotation(quaternion)
 
     def placement(self, row: object, index: int) -> Placement:
         where = f"steps[{index}]"
@@ -235,7 +241,30 @@ class _Reader:
                 for key, row in self.mapping(document, "meshes").items()
             },
         )
-        for k, placement in enumerate(plan.placements):
-            if placement.item not in plan.meshes:
-                raise self.fail(f"steps[{k}].item", placement.item, "a name under meshes")
+        if document.get("units") != _UNITS:
+            raise self.fail("units", document.get("units"), str(_UNITS))
+        if not plan.order:
+            raise self.fail("order", [], "the order's lines, at least one")
+        self.check_pieces(plan)
         return plan
+
+    def check_pieces(self, plan: Plan) -> None:
+        """Every placed or left-over piece is one of the order's, and none is there twice."""
+        ordered: Counter[str] = Counter()
+        for line in plan.order:
+            ordered[line.item] += line.qty
+        seen: set[tuple[str, int]] = set()
+        groups: tuple[tuple[str, Sequence[Placement | Leftover]], ...] = (
+            ("steps", plan.placements),
+            ("leftovers", plan.leftovers),
+        )
+        for where, pieces in groups:
+            for k, piece in enumerate(pieces):
+                if piece.item not in plan.meshes:
+                    raise self.fail(f"{where}[{k}].item", piece.item, "a name under meshes")
+                if piece.instance > ordered[piece.item]:
+                    right = f"at most {ordered[piece.item]}, the ordered pieces of {piece.item}"
+                    raise self.fail(f"{where}[{k}].instance", piece.instance, right)
+                if (piece.item, piece.instance) in seen:
+                    raise self.fail(f"{where}[{k}].instance", piece.instance, "no piece twice")
+                seen.add((piece.item, piece.instance))

@@ -47,15 +47,15 @@ class TranslationGrid:
         across, along = (nx - w) // step + 1, (ny - h) // step + 1
         if across < 1 or along < 1:
             return None
-        limit = surface.source.container.height + _FIT_TOLERANCE - float(oriented.extents[2])
-        if limit < 0:
+        slack = np.add(surface.source.container.size, _FIT_TOLERANCE) - oriented.extents
+        if slack.min() < 0:
             return None
         offsets = np.empty(w * h, dtype=np.int64)
         bottoms = np.empty(w * h, dtype=np.float32)
         n = kernels.footprint_cells(oriented.bottom, step, rows, stride, offsets, bottoms)
         z = np.empty((across - 1) * stride + along, dtype=np.float32)
         kernels.lowest_z(surface.heights, offsets, bottoms, n, z)
-        legal = np.flatnonzero(z.astype(np.float64) <= limit)
+        legal = np.flatnonzero(z.astype(np.float64) <= slack[2])
         inside = legal[legal % stride < along]
         return cls(oriented, surface, n, offsets, bottoms, z, inside)
 

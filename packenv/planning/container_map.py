@@ -11,6 +11,14 @@ import numpy as np
 from packenv.planning import kernels
 from packenv.types import Container, Float32Array, FloatArray, OrientedItem
 
+_NOISE = 1e-9
+"""A container is this share of a cell short of a whole cell by rounding (0.3 / 0.1), not by its size."""
+
+
+def _sub_grid(cells: int, step: int) -> int:
+    """Cells of a polyphase sub-grid along one side, one margin cell at either end included."""
+    return math.ceil(cells / step) + 2
+
 
 @dataclass(frozen=True, eq=False)
 class ContainerMap:
@@ -29,7 +37,7 @@ class ContainerMap:
     @classmethod
     def empty(cls, container: Container, cell_size: float) -> ContainerMap:
         """The map of an empty container."""
-        shape = tuple(math.floor(s / cell_size + 1e-6) for s in container.size[:2])
+        shape = tuple(math.floor(s / cell_size + _NOISE) for s in container.size[:2])
         return cls(container, cell_size, np.zeros(shape, dtype=np.float32))
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
@@ -52,11 +60,6 @@ class ContainerMap:
         """Sum of all heights, m; exact."""
         return float(self.heights.sum(dtype=np.float64))
 
-    @property
-    def volume_below(self) -> float:
-        """Volume below the heightmap, m³: items and what they shut off from above."""
-        return self.total * self.cell_size**2
-
 
 @dataclass(frozen=True, eq=False)
 class PolyphaseMap:
@@ -73,12 +76,12 @@ class PolyphaseMap:
     @cached_property
     def rows(self) -> int:
         """Cells of a sub-grid along x, margin included."""
-        return math.ceil(len(self.source.heights) / self.step) + 2
+        return _sub_grid(self.source.heights.shape[0], self.step)
 
     @cached_property
     def stride(self) -> int:
         """Cells of a sub-grid along y, margin included."""
-        return math.ceil(len(self.source.heights[0]) / self.step) + 2
+        return _sub_grid(self.source.heights.shape[1], self.step)
 
     @cached_property
     def heights(self) -> Float32Array:

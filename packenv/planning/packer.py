@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.scores import Heuristic
-from packenv.types import Container, Leftover, OrientedItem, Placement
+from packenv.types import Container, Leftover, Placement
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,6 @@ def pack(
     cell_size: float,
     step: int,
     seed: int = 0,
-    progress: Callable[[str], None] = lambda name: None,
 ) -> Packing:
     """Pack items one after another, without backtracking (paper Alg. 4, first pass).
 
@@ -112,22 +111,20 @@ def pack(
         cell_size: m.
         step: cells between tried translations.
         seed: for heuristics that draw.
-        progress: called with the name of each item when it is done.
     """
     rng = np.random.default_rng(seed)
-    surface = ContainerMap.empty(container, cell_size)
+    surface = empty = ContainerMap.empty(container, cell_size)
     placements: list[Placement] = []
     leftovers: list[Leftover] = []
     surfaces: list[ContainerMap] = []
     for name, instance in _numbered(sequence):
         placed = place(items[name], instance, surface, heuristic, step, rng)
         if placed is None:
-            leftovers.append(_leftover(items[name], instance, container, cell_size))
+            leftovers.append(_leftover(items[name], instance, empty, step))
         else:
             placement, surface = placed
             placements.append(placement)
             surfaces.append(surface)
-        progress(name)
     volume = sum(items[p.item].volume for p in placements)
     return Packing(container, tuple(placements), tuple(leftovers), tuple(surfaces), volume / container.volume)
 
@@ -140,18 +137,13 @@ def _numbered(sequence: Sequence[str]) -> Iterator[tuple[str, int]]:
         yield name, seen[name]
 
 
-def _leftover(item: PreparedItem, instance: int, container: Container, cell_size: float) -> Leftover:
+def _leftover(item: PreparedItem, instance: int, empty: ContainerMap, step: int) -> Leftover:
     """Tell an item that is too large for the empty container from one that finds no room any more."""
-    shape = ContainerMap.empty(container, cell_size).heights.shape
-    if any(_fits(oriented, shape, container.height) for oriented in item.orientations):
-        detail = f"no tried pose of {item.name} is free of overlap and inside {container.label} any more"
+    box = empty.container.label
+    if len(grid_search(empty, item.orientations, step)):
+        detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
         return Leftover(item.name, instance, "no-legal-candidate", detail)
     tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
     size = " x ".join(f"{e:.3f}" for e in tightest)
-    detail = f"{item.name} ({size} m) is larger than {container.label} in every tried orientation"
+    detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
     return Leftover(item.name, instance, "larger-than-container", detail)
-
-
-def _fits(oriented: OrientedItem, shape: tuple[int, ...], height: float) -> bool:
-    w, h = oriented.top.shape
-    return bool(w <= shape[0] and h <= shape[1] and oriented.extents[2] <= height)

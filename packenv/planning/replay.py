@@ -1,4 +1,4 @@
-"""The container heightmap step by step, from a plan's placements and the meshes."""
+"""The container heightmap step by step, from a plan's poses and the meshes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,28 @@ from packenv.types import Container, Item, Placement
 def replay(
     placements: Sequence[Placement], items: Mapping[str, Item], container: Container, cell_size: float
 ) -> tuple[ContainerMap, ...]:
-    """Rebuild the heightmap after each placement.
+    """Rebuild the heightmap after each placement, from the poses alone.
 
     Args:
-        placements: in packing sequence; corners on cell boundaries, as the planner leaves them.
+        placements: in packing sequence; smallest x and y on cell boundaries, as the planner leaves them.
         items: the placed items by name.
         container: the box.
         cell_size: m.
+
+    Raises:
+        ValueError: an item is not over the container's floor, or below it.
     """
     surface = ContainerMap.empty(container, cell_size)
     surfaces = []
-    for placement in placements:
+    for step, placement in enumerate(placements, start=1):
         oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)
-        ix, iy = (round(float(c) / cell_size) for c in placement.corner[:2])
-        surface = surface.with_item(oriented, ix, iy, float(placement.corner[2]))
+        x, y, z = (placement.position - oriented.offset).tolist()
+        rooms = [n - m for n, m in zip(surface.heights.shape, oriented.top.shape, strict=True)]
+        cells = [c / cell_size for c in (x, y)]
+        inside = all(-0.5 <= cell <= room + 0.5 for cell, room in zip(cells, rooms, strict=True))
+        if not (inside and -1e-6 <= z <= container.height):
+            raise ValueError(f"step {step} ({placement.item}) is not inside the container")
+        ix, iy = (min(max(round(cell), 0), room) for cell, room in zip(cells, rooms, strict=True))
+        surface = surface.with_item(oriented, ix, iy, z)
         surfaces.append(surface)
     return tuple(surfaces)

@@ -65,7 +65,7 @@ def test_a_job_that_dies_hangs_or_raises_costs_its_own_row_alone() -> None:
 
 
 def test_the_number_of_workers_changes_nothing() -> None:
-    jobs = [_Job(str(k), "fine") for k in range(8)]
+    jobs = [_Job(str(k), "raise" if k == 3 else "fine") for k in range(8)]
     results = []
     for workers in (0, 1, 2):
         rows = run_jobs(_work, jobs, workers=workers, timeout=30, prepare=_prepare, arguments=())

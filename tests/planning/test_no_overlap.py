@@ -15,8 +15,9 @@ import pytest
 from benchmarks.reference import ray_cast_maps
 from packenv.audit import audit_plan
 from packenv.config import GridConfig
-from packenv.geometry.heightmaps import orient_item, yaw_rotation
+from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem, prepare_item
+from packenv.geometry.transforms import yaw_rotation
 from packenv.io.catalogues import open_catalogue
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.packer import pack

@@ -6,11 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.geometry.heightmaps import yaw_rotation
 from packenv.geometry.prepare import PreparedItem, prepare_item
+from packenv.geometry.transforms import yaw_rotation
 from packenv.planning.packer import by_box_volume, pack
 from packenv.planning.replay import replay
 from packenv.planning.scores import HEURISTICS
@@ -144,7 +145,7 @@ def test_heights_only_grow(items: dict[str, PreparedItem]) -> None:
     packing = _pack(["book", "brick", "cup", "can", "can"], items)
     for before, after in zip(packing.surfaces, packing.surfaces[1:], strict=False):
         assert np.all(after.heights >= before.heights)
-        assert after.volume_below > before.volume_below
+        assert after.total > before.total
 
 
 def test_more_headroom_never_packs_fewer(items: dict[str, PreparedItem]) -> None:
@@ -158,3 +159,15 @@ def test_more_headroom_never_packs_fewer(items: dict[str, PreparedItem]) -> None
 def test_a_grid_that_is_not_whole_cells_is_refused(cell: float, step: float) -> None:
     with pytest.raises(InputError):
         GridConfig(cell_size=cell, grid_step=step)
+
+
+def test_an_item_exactly_as_tall_as_the_container_fits_and_says_so(items: dict[str, PreparedItem]) -> None:
+    """Rounding of a rotation is not protrusion, and a second such item finds no room; it is not too large."""
+    for seed in range(20):
+        turn = Rotation.random(random_state=np.random.default_rng(seed)).as_matrix()
+        cube = box(0.1, 0.1, 0.1, "cube")
+        cube = dataclasses.replace(cube, vertices=cube.vertices @ turn.T, com=turn @ cube.com)
+        prepared = {"cube": prepare_item(cube, GRID)}
+        packing = _pack(["cube", "cube"], prepared, length=0.1, width=0.1, height=0.1)
+        assert len(packing.placements) == 1
+        assert packing.leftovers[0].reason == "no-legal-candidate"
