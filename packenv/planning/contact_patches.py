@@ -3,6 +3,8 @@
 Forces at points inside a flat patch with one normal are sums of forces at the corners of its convex hull, so
 leaving them out changes no answer. Averaging contacts over cells, as the paper does, moves the hull inwards,
 and an item that stands safely seems to fall.
+
+What is kept is some of the contacts as they were, so whatever is stable on them is stable on all.
 """
 
 from __future__ import annotations
@@ -14,13 +16,13 @@ import numpy as np
 from packenv.geometry.distance_kernels import compiled
 from packenv.types import Contacts
 
-ANGLE = math.radians(5.0)
+ANGLE = math.radians(8.0)
 """Normals this close to a patch's first one belong to the patch, rad."""
 
 FLAT = 0.75e-3
 """Points this close to the plane of a patch belong to it, m."""
 
-HULL = 0.1e-3
+HULL = 0.2e-3
 """A corner that stands out by less than this from the hull of the others is left out, m."""
 
 
