@@ -295,37 +295,31 @@ def build_equilibrium(
     units = np.minimum(held[contacts.first], held[contacts.second])
     edges = friction_pyramid(contacts.normals, mu, sides, up=-pull)
 
+    # Blocks of 6 entries: a column's first body, then its second; held bodies have none.
     k = len(contacts)
-    wrenches, rows, entry = [], [], []
-    for body, sign in ((contacts.first, -1.0), (contacts.second, 1.0)):
-        active = slot[body] >= 0
-        item = body[active] - 1
-        arm = contacts.points[active] - com[item]
-        force = edges[active] * (sign * units[active] / weight[body[active]])[:, None, None]
-        wrench = np.empty((len(item), sides, 6))
-        wrench[:, :, :3] = force
-        wrench[:, :, 3:] = _cross(arm[:, None, :] / length, force)
-        wrenches.append(wrench)
-        rows.append(slot[body[active]])
-        entry.append(active)
-
-    # A column is a contact's entries for its first body, then those for its second: offsets, no sorting.
-    blocks = entry[0].astype(np.int64) + entry[1]
-    before = np.concatenate([[0], np.cumsum(np.repeat(6 * blocks, sides))])
-    value = np.empty(int(before[-1]))
-    index = np.empty(int(before[-1]), dtype=np.int32)
-    begin = before[:-1].reshape(k, sides)
-    for wrench, row, active, shift in zip(
-        wrenches, rows, entry, (np.zeros(k, dtype=np.int64), 6 * entry[0]), strict=True
-    ):
-        where = (begin[active] + shift[active][:, None])[:, :, None] + np.arange(6)
-        value[where] = wrench
-        index[where] = (6 * row)[:, None, None] + np.arange(6)
+    centre = np.concatenate([np.zeros((1, 3)), com])
+    entries = np.empty((k, sides, 2, 6))
+    rows = np.empty((k, 1, 2, 6), dtype=np.int32)
+    active = np.empty((k, 1, 2, 1), dtype=bool)
+    for block, (body, sign) in enumerate(((contacts.first, -1.0), (contacts.second, 1.0))):
+        scale = sign * units / weight[body]
+        arm = (contacts.points - centre[body]) / length
+        entries[:, :, block, :3] = edges
+        # Row vectors: (arm × edge)ᵀ = edgeᵀ [arm]×ᵀ.
+        entries[:, :, block, 3:] = edges @ _crossing_transposed(arm)
+        entries[:, :, block] *= scale[:, None, None]
+        rows[:, 0, block] = 6 * slot[body][:, None] + np.arange(6)
+        active[:, 0, block, 0] = slot[body] >= 0
+    present = np.broadcast_to(active, entries.shape)
+    value = entries[present]
+    index = np.broadcast_to(rows, entries.shape)[present]
+    lengths = np.repeat(6 * np.count_nonzero(active, axis=2).ravel(), sides)
+    start = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
 
     rhs = np.zeros((len(bodies), 6))
     rhs[:, :3] = -pull / g
     return Equilibrium(
-        start=before.astype(np.int32),
+        start=start,
         index=index,
         value=value,
         rhs=rhs.ravel(),
@@ -403,6 +397,15 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
+def _crossing_transposed(arm: FloatArray) -> FloatArray:
+    """(k, 3, 3) transposes of the matrices of "arm ×"."""
+    out = np.zeros((len(arm), 3, 3))
+    out[:, 0, 1], out[:, 0, 2] = arm[:, 2], -arm[:, 1]
+    out[:, 1, 0], out[:, 1, 2] = -arm[:, 2], arm[:, 0]
+    out[:, 2, 0], out[:, 2, 1] = arm[:, 1], -arm[:, 0]
     return out
 
 

@@ -259,7 +259,7 @@ def _by_columns(eq: Equilibrium, warm: IntArray) -> Solution:
 def solve_cvxpy(eq: Equilibrium) -> Solution:
     """The reference: the paper's conditions for CVXPY, written item by item and contact by contact.
 
-    It shares no matrix with the fast solvers. Variables are the forces themselves, the pyramid is given by its
+    It shares no matrix with the fast solvers. Variables are the forces, the pyramid is given by its
     faces instead of its edges, and the balance is eqs. 1 and 2 of the paper. "Infeasible" is taken from the
     solver's word; where a solver fails or calls its own answer inaccurate, the next one is asked.
 

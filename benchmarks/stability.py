@@ -1,0 +1,153 @@
+"""Speed and agreement of the stability check: ``python -m benchmarks.stability [--catalogue DIR] --json``.
+
+Items are placed where HM puts them without looking at stability; a placement that falls is taken out again,
+so every question is asked of a pile that stands. ``contact_ms`` and ``solve_ms`` are medians of CPU time over
+the questions at large piles (``--largest`` items and more, the new one included). ``agreement`` is the share
+of all questions where the checker, shortcuts included, says what the CVXPY reference says of the contacts.
+"""
+
+from __future__ import annotations
+
+from benchmarks import one_thread  # noqa: F401  isort: skip
+
+import argparse
+import json
+import statistics
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.orders import fitting, random_orders
+from packenv.config import GridConfig
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.io.catalogues import open_catalogue
+from packenv.io.containers import parse_container, read_boxes
+from packenv.io.item_cache import ItemCache
+from packenv.planning.contact_patches import thin
+from packenv.planning.contacts import Body, item_contacts, join, no_contacts
+from packenv.planning.equilibrium import build_equilibrium
+from packenv.planning.equilibrium_solvers import solve_cvxpy
+from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.scores import HEURISTICS
+from packenv.planning.stability import StabilityChecker
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """CPU-milliseconds of a call, and its result."""
+    start = time.process_time()
+    result = work()
+    return 1e3 * (time.process_time() - start), result
+
+
+def median(values: list[float]) -> float | None:
+    """The median, or None of nothing."""
+    return statistics.median(values) if values else None
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--container", default="0.32x0.32x0.30")
+    parser.add_argument("--orders", type=int, default=20)
+    parser.add_argument("--size", type=int, default=14, help="items of an order, those that fall included")
+    parser.add_argument("--largest", type=int, default=8, help="smallest pile that the medians count")
+    parser.add_argument("--tilt", type=float, default=5.0, help="degrees, of the margin rule")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="accepted for symmetry: output is always JSON")
+    arguments = parser.parse_args()
+
+    grid = GridConfig()
+    container = parse_container(arguments.container, read_boxes())
+    catalogue = open_catalogue(arguments.catalogue)
+    meshes = {name: catalogue.item(name) for name in catalogue.names}
+    cache = ItemCache()
+    prepared = {name: cache.prepare(mesh, grid) for name, mesh in meshes.items()}
+    fields: dict[str, SurfaceField] = {}
+    checker = StabilityChecker()
+
+    times: dict[str, list[float]] = defaultdict(list)
+    decided: Counter[str] = Counter()
+    questions = agreed = stable = 0
+    contact_counts = []
+    names = sorted(fitting(prepared, container, grid))
+    for order in tqdm(random_orders(names, arguments.size, arguments.orders, arguments.seed)):
+        plan = pack(
+            by_box_volume(order, prepared),
+            prepared,
+            container,
+            HEURISTICS["hm"],
+            cell_size=grid.cell_size,
+            step=grid.step_cells,
+        )
+        bodies: list[Body] = []
+        masses: list[float] = []
+        coms: list[Any] = []
+        contacts, previous, tilted = no_contacts(), None, None
+        for p in plan.placements:
+            item = meshes[p.item]
+            if p.item not in fields:
+                fields[p.item] = SurfaceField.of_item(item)
+            body = Body(fields[p.item], p.rotation, p.position)
+            index = len(bodies) + 1
+            contact_ms, found = timed(
+                lambda b=body, i=index, others=tuple(bodies): thin(
+                    item_contacts(b, others, container, index=i)
+                )
+            )
+            pile = join([part for part in (contacts, found) if len(part)])
+            question = (pile, [*masses, item.mass], [*coms, p.rotation @ item.com + p.position])
+            solve_ms, result = timed(lambda q=question, before=previous: checker.check(*q, previous=before))
+            reference = solve_cvxpy(build_equilibrium(*question))
+            questions += 1
+            agreed += result.stable == (reference.status == "stable")
+            stable += result.stable
+            decided[f"{result.decided_by}/{'stable' if result.stable else 'unstable'}"] += 1
+            large = index >= arguments.largest
+            if large:
+                times["contact"].append(contact_ms)
+                times["solve"].append(solve_ms)
+                times[f"solve {result.decided_by}/{'stable' if result.stable else 'unstable'}"].append(
+                    solve_ms
+                )
+                contact_counts.append(len(pile))
+            if not result.stable:
+                continue
+            rule_ms, tilts = timed(
+                lambda q=question, before=tilted: checker.check_margin(
+                    *q, previous=before, tilt_deg=arguments.tilt
+                )
+            )
+            if large:
+                times["margin rule"].append(rule_ms)
+                times["margin"].append(timed(lambda q=question: checker.margin(*q))[0])
+            bodies.append(body)
+            contacts, masses, coms, previous, tilted = *question, result, tilts
+
+    report = {
+        "agreement": agreed / questions if questions else None,
+        "contact_ms": median(times["contact"]),
+        "solve_ms": median(times["solve"]),
+        "margin_rule_ms": median(times["margin rule"]),
+        "margin_ms": median(times["margin"]),
+        "solve_ms_by_step": {
+            name.removeprefix("solve "): median(values)
+            for name, values in sorted(times.items())
+            if name.startswith("solve ")
+        },
+        "questions": questions,
+        "questions_timed": len(times["solve"]),
+        "stable_share": stable / questions if questions else None,
+        "decided_by": dict(decided),
+        "contacts_median": median(contact_counts),
+    }
+    print(json.dumps(report, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
