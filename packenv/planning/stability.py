@@ -16,7 +16,7 @@ force by force, so that a stale or foreign set of forces costs time, never a wro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -50,10 +50,13 @@ TILT_CAP_DEG = 45.0
 """Tilts beyond this are not told apart."""
 
 
-_ENTERING = 64
+_ENTERING = 16
 """Most columns that join a margin's linear program at once."""
 
-_ROUNDS = 100
+_FEW_ROWS = 12
+"""Up to so many rows all columns take part from the start."""
+
+_ROUNDS = 400
 """Most times that columns join it before it is bisected instead."""
 
 
@@ -248,7 +251,8 @@ class StabilityChecker:
             tilts[:] = cap_deg
         else:
             most = np.tan(np.radians(cap_deg))
-            columns = untilted.basis
+            # A few rows are solved faster than columns are picked.
+            columns = np.arange(eq.n_columns) if eq.n_rows <= _FEW_ROWS else untilted.basis
             for i, direction in enumerate(directions):
                 t, columns = _largest_pull(eq, direction, most, columns)
                 tilts[i] = cap_deg if t >= most else np.degrees(np.arctan(t))
@@ -314,18 +318,22 @@ class _Question:
 
         known = self._known_forces(previous, touching)
         if known is not None:
-            result = self._first_order(touching, known)
+            result = self._first_order(touching, alone, known)
             if result is not None:
                 return result
-        return self._whole(touching, alone, known)
+        return self._whole(known)
 
-    def _first_order(self, touching: BoolArray, known: FloatArray) -> StabilityResult | None:
+    def _first_order(self, touching: BoolArray, alone: Solution, known: FloatArray) -> StabilityResult | None:
         """Change forces around the new item only; None where that decides nothing."""
         first, second = self.contacts.first, self.contacts.second
         on_container = touching & ((first == 0) | (second == 0))
         if on_container.any():
-            answer = self._solve_some(np.array([self.new]), on_container, None)
-            result = self._yes(answer, on_container, known, "first-order")
+            # Where the step before used nothing else, its forces will do.
+            if alone.forces is None or (np.abs(alone.forces[~on_container[touching]]) > 0.0).any():
+                alone = self._solve_some(np.array([self.new]), on_container, None)
+            else:
+                alone = replace(alone, forces=alone.forces[on_container[touching]])
+            result = self._yes(alone, on_container, known, "first-order")
             if result is not None:
                 return result
         near = np.union1d(first[touching], second[touching])
@@ -344,7 +352,7 @@ class _Question:
             return self._no("the items that carry the new item cannot be balanced", "first-order")
         return None
 
-    def _whole(self, touching: BoolArray, alone: Solution, known: FloatArray | None) -> StabilityResult:
+    def _whole(self, known: FloatArray | None) -> StabilityResult:
         """All forces free."""
         everything = np.ones(len(self.contacts), dtype=bool)
         answer = self._solve_some(np.arange(1, len(self.mass) + 1), everything, None, known)
