@@ -182,6 +182,9 @@ class Placement:
         score: the heuristic's score, lower is better.
         candidates: number of legal candidates that were compared.
         route: ``first-pass`` or, from the fallback, ``later`` or ``5d`` (Alg. 4).
+        checked: candidates that were put to the constraints, this one included.
+        rejections: how many of them were rejected, by reason.
+        details: figures of the constraints, JSON-able, by name of the constraint.
     """
 
     item: str
@@ -195,6 +198,9 @@ class Placement:
     score: float
     candidates: int
     route: str = "first-pass"
+    checked: int = 0
+    rejections: dict[str, int] = field(default_factory=dict)
+    details: dict[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -204,14 +210,17 @@ class Leftover:
     Attributes:
         item: name of the item.
         instance: as in :class:`Placement`.
-        reason: a word for programs: ``larger-than-container`` or ``no-legal-candidate``.
+        reason: a word for programs: ``larger-than-container``, ``no-legal-candidate`` or, where legal
+            candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
+        rejections: how many candidates were rejected, by reason.
     """
 
     item: str
     instance: int
     reason: str
     detail: str
+    rejections: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

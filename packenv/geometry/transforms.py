@@ -21,6 +21,16 @@ def yaw_rotation(yaw: float) -> FloatArray:
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
+def axis_rotation(axis: int, angle: float) -> FloatArray:
+    """(3, 3) rotation by ``angle`` radians about x (0), y (1) or z (2)."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.eye(3)
+    rotation[i, i] = rotation[j, j] = math.cos(angle)
+    rotation[j, i] = math.sin(angle)
+    rotation[i, j] = -rotation[j, i]
+    return rotation
+
+
 def rotation_to_quaternion(rotation: FloatArray) -> FloatArray:
     """(4,) unit quaternion x, y, z, w of a (3, 3) rotation; of the two, the one with w ≥ 0.
 

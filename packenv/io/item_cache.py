@@ -8,15 +8,21 @@ import os
 import sys
 import zipfile
 import zlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM, GridConfig
 from packenv.errors import InputError
+from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT
+from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.files import write_whole
 from packenv.types import Item, OrientedItem, StablePose
+
+T = TypeVar("T")
 
 _FORMAT = 1
 """Raise this when poses or heightmaps change: files of another format are never read."""
@@ -45,16 +51,15 @@ class ItemCache:
         recipe = f"{_FORMAT}|{item.sha256}|{grid.cell_size!r}|{grid.n_poses}|{grid.n_yaws}|{HEIGHT_QUANTUM!r}"
         return self.folder / "prepared" / f"{hashlib.sha256(recipe.encode()).hexdigest()[:40]}.npz"
 
+    def field_path(self, item: Item) -> Path:
+        """Where the surface field of this mesh is kept."""
+        return self.folder / "fields" / f"{FIELD_FORMAT}-{item.sha256[:40]}.npz"
+
     def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
         """Read a prepared item; None where there is none that can be used."""
-        try:
-            with (
-                self.path(item, grid).open("rb") as stream,
-                np.load(stream, allow_pickle=False) as stored,
-            ):
-                return _unpack(item, grid, stored["poses"], stored["orientations"], stored["maps"])
-        except (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
-            return None
+        return _read(
+            self.path(item, grid), lambda a: _unpack(item, grid, a["poses"], a["orientations"], a["maps"])
+        )
 
     def put(self, item: Item, grid: GridConfig, prepared: PreparedItem) -> None:
         """Write a prepared item, whole or not at all.
@@ -62,10 +67,25 @@ class ItemCache:
         Raises:
             InputError: the cache folder cannot be written.
         """
-        path = self.path(item, grid)
-        stream = io.BytesIO()
         poses, orientations, maps = _pack(prepared)
-        np.savez(stream, poses=poses, orientations=orientations, maps=maps)
+        self._write(self.path(item, grid), {"poses": poses, "orientations": orientations, "maps": maps})
+
+    def surface_field(self, item: Item) -> SurfaceField:
+        """Read an item's surface field, or make and keep it.
+
+        Raises:
+            InputError: the cache folder cannot be written.
+        """
+        path = self.field_path(item)
+        field = _read(path, SurfaceField.from_arrays)
+        if field is None:
+            field = SurfaceField.of_item(item)
+            self._write(path, field.to_arrays())
+        return field
+
+    def _write(self, path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(path, stream.getvalue())
@@ -81,6 +101,15 @@ class ItemCache:
             prepared = prepare_item(item, grid)
             self.put(item, grid, prepared)
         return prepared
+
+
+def _read(path: Path, build: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:
+    """What ``build`` makes of a file's arrays, or None where the file is missing, torn or foreign."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return build(stored)
+    except (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
+        return None
 
 
 def _pack(prepared: PreparedItem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,18 +1,39 @@
-"""The planner: sequence, place, update the heightmap, report what does not fit (paper Alg. 3 and 4)."""
+"""The planner: sequence, place, fall back, report what does not fit (paper Alg. 3 and 4)."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.candidates import grid_search
+from packenv.planning.candidates import Candidates, grid_search
+from packenv.planning.constraints import Constraint, Trial
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.scores import Heuristic
-from packenv.types import Container, Leftover, Placement
+from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
+
+Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
+"""Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
+
+MAX_CHECKED = 100
+"""N of the paper: candidates of one orientation set that are put to the constraints."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pile:
+    """A container with what is in it.
+
+    Attributes:
+        surface: its heightmap.
+        states: what each constraint keeps of the pile, in their order.
+    """
+
+    surface: ContainerMap
+    states: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,53 +60,201 @@ class Packing:
         return not self.leftovers
 
 
+@dataclass(frozen=True, eq=False)
+class Planner:
+    """The settings of a planner; :meth:`pack` plans an order.
+
+    Attributes:
+        heuristic: scores the candidates.
+        step: cells between tried translations.
+        cell_size: m.
+        constraints: in the order in which they are asked; none plans under non-overlap alone.
+        perturbations: orientations of the fallback and of the 5D search; None has neither.
+        search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once.
+        max_checked: candidates of one orientation set that are put to the constraints.
+        seed: for heuristics that draw.
+    """
+
+    heuristic: Heuristic
+    step: int
+    cell_size: float
+    constraints: Sequence[Constraint] = ()
+    perturbations: Perturbations | None = None
+    search: Literal["3d", "5d"] = "3d"
+    max_checked: int = MAX_CHECKED
+    seed: int = 0
+
+    def pack(
+        self, sequence: Sequence[str], items: Mapping[str, PreparedItem], container: Container
+    ) -> Packing:
+        """Pack items one after another, without backtracking (paper Alg. 4).
+
+        Under the non-overlap constraints alone there is no fallback in the sequence: heights only grow, so an
+        item that fits nowhere fits nowhere later.
+
+        Args:
+            sequence: item names, a name as often as the order has it.
+            items: every named item, prepared at ``cell_size``.
+            container: the box.
+        """
+        return _Run(self, items, container).pack(sequence)
+
+
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
     """The paper's sequence: non-increasing bounding-box volume, then name."""
     return sorted(names, key=lambda name: (-items[name].box_volume, name))
 
 
-def place(
-    item: PreparedItem,
-    instance: int,
-    surface: ContainerMap,
-    heuristic: Heuristic,
-    step: int,
-    rng: np.random.Generator,
-) -> tuple[Placement, ContainerMap] | None:
-    """Place one item at its best legal candidate (paper Alg. 3 under the non-overlap constraints).
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """What came of one call of packOneItem."""
 
-    Args:
-        item: the item.
-        instance: which piece of that name in the order, from 1.
-        surface: the container heightmap.
-        heuristic: scores the candidates.
-        step: cells between tried translations.
-        rng: for heuristics that draw.
+    placement: Placement | None
+    pile: Pile
+    legal: int
+    rejections: Counter[str]
 
-    Returns:
-        The placement and the heightmap after it, or None where there is no legal candidate.
-    """
-    candidates = grid_search(surface, item.orientations, step)
-    if not len(candidates):
-        return None
-    scores = heuristic(candidates, rng)
-    best = int(np.argmin(scores))
-    oriented = candidates.grids[candidates.grid_index[best]].oriented
-    ix, iy, z = int(candidates.ix[best]), int(candidates.iy[best]), float(candidates.z[best])
-    corner = np.array([ix * surface.cell_size, iy * surface.cell_size, z])
-    placement = Placement(
-        item=item.name,
-        instance=instance,
-        rotation=oriented.rotation,
-        position=oriented.offset + corner,
-        corner=corner,
-        extents=oriented.extents,
-        pose_index=oriented.pose_index,
-        yaw=oriented.yaw,
-        score=float(scores[best]),
-        candidates=len(candidates),
-    )
-    return placement, surface.with_item(oriented, ix, iy, z)
+
+@dataclass(eq=False)
+class _Run:
+    """One order on its way into one container."""
+
+    planner: Planner
+    items: Mapping[str, PreparedItem]
+    container: Container
+    placements: list[Placement] = field(default_factory=list)
+    surfaces: list[ContainerMap] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.planner.seed)
+        self.empty = ContainerMap.empty(self.container, self.planner.cell_size)
+        self.pile = Pile(self.empty, tuple(c.start() for c in self.planner.constraints))
+
+    def pack(self, sequence: Sequence[str]) -> Packing:
+        """Paper Alg. 4."""
+        failed: list[tuple[str, int, _Attempt]] = []
+        for name, instance in _numbered(sequence):
+            attempt = self.first_pass(name, instance)
+            if attempt.placement is None:
+                failed.append((name, instance, attempt))
+        leftovers = []
+        for name, instance, first in failed:
+            attempt = self.fall_back(name, instance, first)
+            if attempt.placement is None:
+                leftovers.append(self.leftover(self.items[name], instance, attempt))
+        volume = sum(self.items[p.item].volume for p in self.placements)
+        share = volume / self.container.volume
+        return Packing(self.container, tuple(self.placements), tuple(leftovers), tuple(self.surfaces), share)
+
+    def first_pass(self, name: str, instance: int) -> _Attempt:
+        """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""
+        planner = self.planner
+        if planner.search == "5d" and planner.perturbations is not None:
+            groups = [*planner.perturbations(name)]
+            return self.attempt(name, instance, [o for group in groups for o in group], "5d")
+        return self.attempt(name, instance, self.items[name].orientations, "first-pass")
+
+    def fall_back(self, name: str, instance: int, first: _Attempt) -> _Attempt:
+        """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
+        planner = self.planner
+        if planner.perturbations is None or planner.search == "5d":
+            return first
+        rejections = Counter(first.rejections)
+        legal = first.legal
+        for k, group in enumerate(planner.perturbations(name)):
+            attempt = self.attempt(name, instance, group, "later" if k == 0 else "5d", rejections)
+            if attempt.placement is not None:
+                return attempt
+            rejections, legal = attempt.rejections, legal + attempt.legal
+        return _Attempt(None, self.pile, legal, rejections)
+
+    def attempt(
+        self,
+        name: str,
+        instance: int,
+        orientations: Sequence[OrientedItem],
+        route: str,
+        rejections: Counter[str] | None = None,
+    ) -> _Attempt:
+        """PackOneItem (Alg. 3); the pile becomes the new one where it succeeds."""
+        candidates = grid_search(self.pile.surface, orientations, self.planner.step)
+        counts = Counter(rejections or ())
+        if not len(candidates):
+            return _Attempt(None, self.pile, 0, counts)
+        scores = self.planner.heuristic(candidates, self.rng)
+        for index in self.ranked(scores):
+            trial = _trial(candidates, index)
+            states: list[Any] = []
+            details: dict[str, object] = {}
+            for constraint, state in zip(self.planner.constraints, self.pile.states, strict=True):
+                verdict = constraint.check(trial, self.pile.surface, state)
+                if not verdict.ok:
+                    counts[verdict.reason] += 1
+                    break
+                states.append(verdict.state)
+                details[constraint.name] = dict(verdict.details)
+            else:
+                placement = Placement(
+                    item=name,
+                    instance=instance,
+                    rotation=trial.oriented.rotation,
+                    position=trial.position,
+                    corner=trial.corner,
+                    extents=trial.oriented.extents,
+                    pose_index=trial.oriented.pose_index,
+                    yaw=trial.oriented.yaw,
+                    score=float(scores[index]),
+                    candidates=len(candidates),
+                    route=route,
+                    checked=sum(counts.values()) + 1,
+                    rejections=dict(counts),
+                    details=details,
+                )
+                surface = self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+                self.pile = Pile(surface, tuple(states))
+                self.placements.append(placement)
+                self.surfaces.append(surface)
+                return _Attempt(placement, self.pile, len(candidates), counts)
+        return _Attempt(None, self.pile, len(candidates), counts)
+
+    def ranked(self, scores: FloatArray) -> Sequence[int]:
+        """Indices of the best candidates, best first; equal scores keep the candidates' order."""
+        if not self.planner.constraints:
+            return [int(np.argmin(scores))]
+        n = min(self.planner.max_checked, len(scores))
+        bound = np.partition(scores, n - 1)[n - 1]
+        best = np.flatnonzero(scores <= bound)
+        order = best[np.argsort(scores[best], kind="stable")][:n]
+        return [int(k) for k in order]
+
+    def leftover(self, item: PreparedItem, instance: int, attempt: _Attempt) -> Leftover:
+        """Why an item is not in the plan."""
+        box = self.container.label
+        rejections = dict(attempt.rejections)
+        if rejections:
+            counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
+            detail = f"every checked candidate of {item.name} was rejected: {counts}"
+            return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
+        if len(grid_search(self.empty, item.orientations, self.planner.step)):
+            detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
+            return Leftover(item.name, instance, "no-legal-candidate", detail)
+        tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
+        size = " x ".join(f"{e:.3f}" for e in tightest)
+        detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
+        return Leftover(item.name, instance, "larger-than-container", detail)
+
+
+def _trial(candidates: Candidates, index: int) -> Trial:
+    oriented = candidates.grids[candidates.grid_index[index]].oriented
+    return Trial(oriented, int(candidates.ix[index]), int(candidates.iy[index]), float(candidates.z[index]))
+
+
+def _numbered(sequence: Sequence[str]) -> Iterator[tuple[str, int]]:
+    """Each name with how often it has come up so far, itself included."""
+    seen: Counter[str] = Counter()
+    for name in sequence:
+        seen[name] += 1
+        yield name, seen[name]
 
 
 def pack(
@@ -98,52 +267,5 @@ def pack(
     step: int,
     seed: int = 0,
 ) -> Packing:
-    """Pack items one after another, without backtracking (paper Alg. 4, first pass).
-
-    Under the non-overlap constraints alone, an item that fits nowhere can never fit later: heights
-    only grow. So there is nothing to fall back to here.
-
-    Args:
-        sequence: item names, a name as often as the order has it.
-        items: every named item, prepared at ``cell_size``.
-        container: the box.
-        heuristic: scores the candidates.
-        cell_size: m.
-        step: cells between tried translations.
-        seed: for heuristics that draw.
-    """
-    rng = np.random.default_rng(seed)
-    surface = empty = ContainerMap.empty(container, cell_size)
-    placements: list[Placement] = []
-    leftovers: list[Leftover] = []
-    surfaces: list[ContainerMap] = []
-    for name, instance in _numbered(sequence):
-        placed = place(items[name], instance, surface, heuristic, step, rng)
-        if placed is None:
-            leftovers.append(_leftover(items[name], instance, empty, step))
-        else:
-            placement, surface = placed
-            placements.append(placement)
-            surfaces.append(surface)
-    volume = sum(items[p.item].volume for p in placements)
-    return Packing(container, tuple(placements), tuple(leftovers), tuple(surfaces), volume / container.volume)
-
-
-def _numbered(sequence: Sequence[str]) -> Iterator[tuple[str, int]]:
-    """Each name with how often it has come up so far, itself included."""
-    seen: Counter[str] = Counter()
-    for name in sequence:
-        seen[name] += 1
-        yield name, seen[name]
-
-
-def _leftover(item: PreparedItem, instance: int, empty: ContainerMap, step: int) -> Leftover:
-    """Tell an item that is too large for the empty container from one that finds no room any more."""
-    box = empty.container.label
-    if len(grid_search(empty, item.orientations, step)):
-        detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
-        return Leftover(item.name, instance, "no-legal-candidate", detail)
-    tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
-    size = " x ".join(f"{e:.3f}" for e in tightest)
-    detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
-    return Leftover(item.name, instance, "larger-than-container", detail)
+    """Plan under the non-overlap constraints alone: :class:`Planner` without constraints."""
+    return Planner(heuristic, step, cell_size, seed=seed).pack(sequence, items, container)

@@ -1,0 +1,85 @@
+"""What a constraint is to the planner: a question about one candidate on one pile.
+
+The legality of a candidate (non-overlap, containment) is the search's; what comes after it, stability and
+manipulation, are constraints that the planner is given (paper Alg. 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from packenv.planning.container_map import ContainerMap
+from packenv.types import FloatArray, OrientedItem
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A legal candidate that is put to the constraints.
+
+    Attributes:
+        oriented: the item at its orientation.
+        ix: cell of its smallest x.
+        iy: cell of its smallest y.
+        z: height of its lowest point, m.
+    """
+
+    oriented: OrientedItem
+    ix: int
+    iy: int
+    z: float
+
+    @property
+    def corner(self) -> FloatArray:
+        """(3,) smallest x, y, z in the container frame, m."""
+        cell = self.oriented.cell_size
+        return np.array([self.ix * cell, self.iy * cell, self.z])
+
+    @property
+    def position(self) -> FloatArray:
+        """(3,) p_container = rotation @ p_mesh + position, m."""
+        position: FloatArray = self.oriented.offset + self.corner
+        return position
+
+    @property
+    def com(self) -> FloatArray:
+        """(3,) centre of mass in the container frame, m."""
+        com: FloatArray = self.oriented.com + self.corner
+        return com
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """A constraint's answer.
+
+    Attributes:
+        ok: whether the candidate may be placed.
+        reason: a word for programs, where it may not.
+        state: what the constraint wants to know again when the next item comes, the candidate placed.
+        details: figures for the plan, JSON-able.
+    """
+
+    ok: bool
+    reason: str = ""
+    state: Any = None
+    details: Mapping[str, object] = field(default_factory=dict)
+
+
+class Constraint(Protocol):
+    """A condition on placements beyond non-overlap."""
+
+    @property
+    def name(self) -> str:
+        """One word, for messages and counts."""
+        ...
+
+    def start(self) -> Any:
+        """The state of the empty container."""
+        ...
+
+    def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
+        """Answer for a candidate on the pile that ``surface`` and ``state`` describe."""
+        ...

@@ -1,0 +1,62 @@
+"""Perturbed orientations: the roll and pitch grid of the paper's fallback (Alg. 4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from packenv.config import GridConfig
+from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.transforms import axis_rotation, yaw_rotation
+from packenv.types import FloatArray, Item, OrientedItem, StablePose
+
+PERTURBATION = math.pi / 4
+"""Δr of the paper, for roll and pitch."""
+
+
+def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
+    """Angles (γ, φ, ψ) of a (3, 3) rotation R_z(γ) R_y(φ) R_x(ψ), rad."""
+    phi = math.asin(min(1.0, max(-1.0, -float(rotation[2, 0]))))
+    if abs(math.cos(phi)) < 1e-9:
+        # At the pole γ and ψ turn about one axis; all of it is given to γ.
+        return math.atan2(-float(rotation[0, 1]), float(rotation[1, 1])), phi, 0.0
+    gamma = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+    psi = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    return gamma, phi, psi
+
+
+def perturbations(
+    item: Item, poses: Sequence[StablePose], grid: GridConfig
+) -> Iterator[tuple[OrientedItem, ...]]:
+    """Yield, for each roll and pitch offset of Alg. 4, the item at all poses and yaws, maps included.
+
+    The first offset is (0, 0): the stable poses themselves. An orientation that an earlier offset had
+    already (the grid of Euler angles covers most rotations twice) is left out.
+
+    Args:
+        item: the item.
+        poses: its stable poses that are tried.
+        grid: yaws and cell size.
+    """
+    angles = [k * PERTURBATION for k in range(round(2 * math.pi / PERTURBATION))]
+    seen: set[bytes] = set()
+    for roll in angles:
+        for pitch in angles:
+            oriented = []
+            for index, pose in enumerate(poses):
+                gamma, phi, psi = euler_zyx(pose.rotation)
+                tilted = axis_rotation(1, phi + roll) @ axis_rotation(0, psi + pitch)
+                for k in range(grid.n_yaws):
+                    yaw = k * math.pi / grid.n_yaws
+                    rotation = yaw_rotation(yaw + gamma) @ tilted
+                    key = (np.round(rotation, 6) + 0.0).tobytes()
+                    if key in seen:
+                        continue
+                    seen.add(key)
+                    oriented.append(
+                        orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw)
+                    )
+            if oriented:
+                yield tuple(oriented)

@@ -1,0 +1,95 @@
+"""Stability as a constraint of the planner: contacts, then force balance of the whole pile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.contact_patches import thin
+from packenv.planning.contacts import THRESHOLD, Body, item_contacts, join, no_contacts
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.stability import StabilityChecker, StabilityResult
+from packenv.types import Contacts, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PileState:
+    """A pile that stands.
+
+    Attributes:
+        bodies: its items in packing sequence.
+        masses: (n,) kg.
+        coms: (n, 3) m.
+        contacts: all of them, thinned.
+        balance: the forces that were found, one result for each direction of gravity that was asked.
+    """
+
+    bodies: tuple[Body, ...]
+    masses: FloatArray
+    coms: FloatArray
+    contacts: Contacts
+    balance: tuple[StabilityResult, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityConstraint:
+    """Every item of the pile in static equilibrium (paper Sec. III-A).
+
+    Attributes:
+        fields: surface of every item of the order, by name.
+        masses: kg, by name.
+        checker: friction and solvers.
+        tilt_deg: 0 asks for equilibrium (the paper's rule); above 0 the pile must also stand under gravity
+            tilted by this much in eight directions.
+        threshold: largest gap that counts as contact, m.
+    """
+
+    fields: Mapping[str, SurfaceField]
+    masses: Mapping[str, float]
+    checker: StabilityChecker
+    tilt_deg: float = 0.0
+    threshold: float = THRESHOLD
+
+    @property
+    def name(self) -> str:
+        """One word."""
+        return "stability"
+
+    def start(self) -> PileState:
+        """No items."""
+        return PileState((), np.empty(0), np.empty((0, 3)), no_contacts(), ())
+
+    def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
+        """Whether the pile stands with the candidate placed."""
+        name = trial.oriented.item
+        body = Body(self.fields[name], trial.oriented.rotation, trial.position)
+        index = len(state.bodies) + 1
+        own = item_contacts(body, state.bodies, surface.container, index=index, threshold=self.threshold)
+        if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
+            return Verdict(False, "no-support")
+        contacts = join([state.contacts, thin(own)])
+        masses = np.append(state.masses, self.masses[name])
+        coms = np.vstack([state.coms, trial.com])
+        balance = self._balance(contacts, masses, coms, state.balance)
+        if not balance[-1].stable:
+            return Verdict(False, f"unstable-{balance[-1].decided_by}")
+        details = {"contacts": len(thin(own)), "decided_by": balance[0].decided_by}
+        pile = PileState((*state.bodies, body), masses, coms, contacts, balance)
+        return Verdict(True, state=pile, details=details)
+
+    def _balance(
+        self,
+        contacts: Contacts,
+        masses: FloatArray,
+        coms: FloatArray,
+        previous: tuple[StabilityResult, ...],
+    ) -> tuple[StabilityResult, ...]:
+        if self.tilt_deg > 0.0:
+            return self.checker.check_margin(
+                contacts, masses, coms, previous=previous or None, tilt_deg=self.tilt_deg
+            )
+        return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)
