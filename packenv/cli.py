@@ -119,9 +119,22 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     pack.add_argument("--heuristic", choices=HEURISTIC_NAMES, default="hm", help="(default: %(default)s)")
     pack.add_argument(
         "--constraints",
-        choices=("overlap",),
-        default="overlap",
-        help="which constraints a placement must meet (default: %(default)s)",
+        choices=("overlap", "stability", "robot"),
+        default="robot",
+        help="what a placement must meet: no overlap; also force balance of the pile; also a way for the "
+        "robot to bring it there (default: %(default)s)",
+    )
+    pack.add_argument(
+        "--stability",
+        choices=("paper", "margin"),
+        default="paper",
+        help="equilibrium, or equilibrium under gravity tilted by 5 degrees as well (default: %(default)s)",
+    )
+    pack.add_argument(
+        "--search",
+        choices=("3d", "5d"),
+        default="3d",
+        help="stable poses first and perturbed ones as the fallback, or all at once (default: %(default)s)",
     )
     pack.add_argument(
         "--sequence",

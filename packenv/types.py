@@ -210,8 +210,8 @@ class Leftover:
     Attributes:
         item: name of the item.
         instance: as in :class:`Placement`.
-        reason: a word for programs: ``larger-than-container``, ``no-legal-candidate`` or, where legal
-            candidates were rejected, ``no-packable-candidate``.
+        reason: a word for programs: ``larger-than-container``, ``no-legal-candidate``,
+            ``no-graspable-spot`` or, where legal candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """

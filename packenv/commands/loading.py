@@ -8,6 +8,7 @@ from pathlib import Path
 from packenv.commands.output import remark, with_progress
 from packenv.config import GridConfig
 from packenv.errors import PlanError
+from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import Catalogue, open_catalogue
 from packenv.io.item_cache import ItemCache
@@ -36,6 +37,12 @@ def prepare_items(items: dict[str, Item], grid: GridConfig) -> dict[str, Prepare
     for name in with_progress(missing, "preparing"):
         prepared[name] = cache.prepare(items[name], grid)
     return {name: found for name, found in prepared.items() if found is not None}
+
+
+def load_fields(items: dict[str, Item]) -> dict[str, SurfaceField]:
+    """Read every item's surface field from the user's cache, or make and keep it."""
+    cache = ItemCache()
+    return {name: cache.surface_field(items[name]) for name in with_progress(items, "surfaces")}
 
 
 def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan, dict[str, Item]]:

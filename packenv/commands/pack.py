@@ -6,21 +6,20 @@ import argparse
 import math
 from collections.abc import Iterable, Sequence
 
-from packenv.commands.loading import load_items, prepare_items
+from packenv.commands.loading import load_fields, load_items, prepare_items
 from packenv.commands.output import say, say_json
 from packenv.config import GridConfig
-from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json, write_plan
-from packenv.planning.packer import Packing, by_box_volume, pack
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.packer import Packing, by_box_volume
 from packenv.types import Container, Item, Plan
 
-_SETTINGS = ("heuristic", "constraints", "sequence", "seed")
+_SETTINGS = ("heuristic", "constraints", "stability", "search", "sequence", "seed")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,8 +38,17 @@ def run(arguments: argparse.Namespace) -> int:
     sequence = list(order.names)
     if arguments.sequence == "volume":
         sequence = by_box_volume(sequence, prepared)
+    shelf = Shelf(items, prepared, load_fields(items) if arguments.constraints != "overlap" else {})
+    choice = PlannerChoice(
+        arguments.heuristic,
+        arguments.constraints,
+        arguments.stability,
+        arguments.search,
+        arguments.seed,
+    )
     packing = _smallest(
-        (_pack_into(box, sequence, prepared, grid, arguments) for box in containers), len(sequence)
+        (assemble(choice, shelf, box, grid).pack(sequence, prepared, box) for box in containers),
+        len(sequence),
     )
     plan = make_plan(
         packing,
@@ -57,24 +65,6 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _report(plan, arguments)
     return 0 if plan.complete else 1
-
-
-def _pack_into(
-    container: Container,
-    sequence: Sequence[str],
-    prepared: dict[str, PreparedItem],
-    grid: GridConfig,
-    arguments: argparse.Namespace,
-) -> Packing:
-    return pack(
-        sequence,
-        prepared,
-        container,
-        HEURISTICS[arguments.heuristic],
-        cell_size=grid.cell_size,
-        step=grid.step_cells,
-        seed=arguments.seed,
-    )
 
 
 def _smallest(packings: Iterable[Packing], ordered: int) -> Packing:

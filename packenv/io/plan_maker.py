@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict
 
@@ -31,6 +32,7 @@ def make_plan(
         unit: the unit that the user gave for the meshes.
         settings: further settings to keep: heuristic, constraints, sequence, seed.
     """
+    routes = Counter(placement.route for placement in packing.placements)
     tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
     return Plan(
         container=packing.container,
@@ -42,6 +44,7 @@ def make_plan(
             "packed": len(packing.placements),
             "utilization": packing.utilization,
             "height": max(tops, default=0.0),
+            **{f"route_{route}": n for route, n in sorted(routes.items())},
         },
         catalogue=catalogue,
         unit=unit,

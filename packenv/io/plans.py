@@ -60,7 +60,13 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         },
         "steps": [_step_to_json(k, placement) for k, placement in enumerate(plan.placements, start=1)],
         "leftovers": [
-            {"item": left.item, "instance": left.instance, "reason": left.reason, "detail": left.detail}
+            {
+                "item": left.item,
+                "instance": left.instance,
+                "reason": left.reason,
+                "detail": left.detail,
+                "rejections": left.rejections,
+            }
             for left in plan.leftovers
         ],
         "metrics": plan.metrics,
@@ -81,6 +87,9 @@ def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
         "score": placement.score,
         "candidates": placement.candidates,
         "route": placement.route,
+        "checked": placement.checked,
+        "rejections": placement.rejections,
+        "details": placement.details,
     }
 
 
@@ -198,6 +207,9 @@ class _Reader:
             score=self.number(row, "score", where),
             candidates=self.count(row, "candidates", where, 0),
             route=self.text(row, "route", where),
+            checked=self.count(row, "checked", where, 0),
+            rejections=self.mapping(row, "rejections"),
+            details=self.mapping(row, "details"),
         )
 
     def plan(self, document: dict[str, Any]) -> Plan:
@@ -219,6 +231,7 @@ class _Reader:
                     self.count(row, "instance", f"leftovers[{k}]", 1),
                     self.text(row, "reason", f"leftovers[{k}]"),
                     self.text(row, "detail", f"leftovers[{k}]"),
+                    self.mapping(row, "rejections"),
                 )
                 for k, row in enumerate(self.rows(document, "leftovers"))
             ),

@@ -80,6 +80,10 @@ class Constraint(Protocol):
         """The state of the empty container."""
         ...
 
+    def objection(self, oriented: OrientedItem) -> str | None:
+        """Why no candidate at this orientation can ever pass, as a word for programs; None where one may."""
+        ...
+
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Answer for a candidate on the pile that ``surface`` and ``state`` describe."""
         ...

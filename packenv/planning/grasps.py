@@ -45,6 +45,8 @@ ROUGH_SLOPE: Final = math.tan(math.radians(20.0))
 ROUGH_COVER: Final = 0.9
 """Share of the cells under the cup that the footprint must hold, for ``rough``."""
 
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
@@ -97,7 +99,7 @@ def generate_grasps(
     cells, offsets = _under_cup(x, y, radius, cell)
     if rule == "paper":
         covered, highest, slope, relief = cup_kernels.seal(top, bottom, 0, 0, cells, offsets, 0, math.inf)
-        point = np.array([x, y, highest if covered >= 3 else oriented.height])
+        point = np.array([x, y, highest if covered else oriented.height])
         known = math.isfinite(relief)
         tilt = math.atan(slope) if known else math.nan
         return (Grasp(point, "centre", tilt, relief if known else math.nan),)
@@ -131,10 +133,9 @@ def _under_cup(x: float, y: float, radius: float, cell: float) -> tuple[IntArray
     room = (math.ceil(2.0 * radius / cell) + 2) ** 2
     cells, offsets = np.empty((room, 2), dtype=np.int64), np.empty((room, 2))
     count = cup_kernels.disc_cells(x, y, radius, cell, cells, offsets)
-    # Farthest from the centre first, and those in turn far apart from each other: what is uneven shows there.
-    distance = np.linalg.norm(offsets[:count], axis=1)
+    # The lip first, in jumps around it: that is where an uneven spot shows soonest.
     angle = np.arctan2(offsets[:count, 1], offsets[:count, 0])
-    lip = distance > radius - cell
-    spread = (angle / (2.0 * np.pi) * 64.0 * 0.6180339887) % 1.0
-    order = np.lexsort((np.where(lip, spread, -distance), ~lip))
+    inner = np.linalg.norm(offsets[:count], axis=1) <= radius - cell
+    jumps = np.argsort(np.argsort(angle)) * _GOLDEN % 1.0
+    order = np.lexsort((jumps, inner))
     return np.ascontiguousarray(cells[:count][order]), np.ascontiguousarray(offsets[:count][order])

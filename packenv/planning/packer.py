@@ -177,8 +177,11 @@ class _Run:
         rejections: Counter[str] | None = None,
     ) -> _Attempt:
         """PackOneItem (Alg. 3); the pile becomes the new one where it succeeds."""
-        candidates = grid_search(self.pile.surface, orientations, self.planner.step)
         counts = Counter(rejections or ())
+        possible = [o for o in orientations if not self.objected(o, counts)]
+        if not possible:
+            return _Attempt(None, self.pile, 0, counts)
+        candidates = grid_search(self.pile.surface, possible, self.planner.step)
         if not len(candidates):
             return _Attempt(None, self.pile, 0, counts)
         scores = self.planner.heuristic(candidates, self.rng)
@@ -217,6 +220,15 @@ class _Run:
                 return _Attempt(placement, self.pile, len(candidates), counts)
         return _Attempt(None, self.pile, len(candidates), counts)
 
+    def objected(self, oriented: OrientedItem, counts: Counter[str]) -> bool:
+        """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""
+        for constraint in self.planner.constraints:
+            reason = constraint.objection(oriented)
+            if reason is not None:
+                counts[f"orientation-{reason}"] += 1
+                return True
+        return False
+
     def ranked(self, scores: FloatArray) -> Sequence[int]:
         """Indices of the best candidates, best first; equal scores keep the candidates' order."""
         if not self.planner.constraints:
@@ -231,10 +243,13 @@ class _Run:
         """Why an item is not in the plan."""
         box = self.container.label
         rejections = dict(attempt.rejections)
-        if rejections:
+        if any(not reason.startswith("orientation-") for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
             return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
+        if rejections and not attempt.legal:
+            detail = f"{item.name} has no graspable spot in any orientation that fits"
+            return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
         if len(grid_search(self.empty, item.orientations, self.planner.step)):
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
             return Leftover(item.name, instance, "no-legal-candidate", detail)

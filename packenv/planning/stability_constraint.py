@@ -13,7 +13,7 @@ from packenv.planning.contact_patches import thin
 from packenv.planning.contacts import THRESHOLD, Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.stability import StabilityChecker, StabilityResult
-from packenv.types import Contacts, FloatArray
+from packenv.types import Contacts, FloatArray, OrientedItem
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,10 @@ class StabilityConstraint:
     def start(self) -> PileState:
         """No items."""
         return PileState((), np.empty(0), np.empty((0, 3)), no_contacts(), ())
+
+    def objection(self, oriented: OrientedItem) -> str | None:
+        """None: what stands depends on the pile."""
+        return None
 
     def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
         """Whether the pile stands with the candidate placed."""

@@ -1,0 +1,98 @@
+"""Put a planner together from words: which constraints, which stability rule, which search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from packenv.config import GridConfig
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.prepare import PreparedItem
+from packenv.planning.constraints import Constraint
+from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.manipulation_constraint import ManipulationConstraint
+from packenv.planning.orientations import perturbations
+from packenv.planning.packer import MAX_CHECKED, Planner
+from packenv.planning.scores import HEURISTICS
+from packenv.planning.stability import StabilityChecker
+from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.robot.cell import Cell
+from packenv.types import Container, Item
+
+Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
+StabilityRule: TypeAlias = Literal["paper", "margin"]
+Search: TypeAlias = Literal["3d", "5d"]
+
+MARGIN_TILT_DEG = 5.0
+"""Tilt of gravity that a pile survives under ``--stability margin``."""
+
+
+@dataclass(frozen=True)
+class PlannerChoice:
+    """What a user chooses of a planner.
+
+    Attributes:
+        heuristic: name of the positioning heuristic.
+        constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
+        stability: ``paper``: equilibrium; ``margin``: equilibrium under gravity tilted by 5° as well.
+        search: ``3d`` with the fallback, or ``5d`` at once.
+        seed: for heuristics that draw.
+        max_checked: the paper's N.
+    """
+
+    heuristic: str = "hm"
+    constraints: Constraints = "robot"
+    stability: StabilityRule = "paper"
+    search: Search = "3d"
+    seed: int = 0
+    max_checked: int = MAX_CHECKED
+
+
+@dataclass(frozen=True, eq=False)
+class Shelf:
+    """All that planning needs of some items, by name.
+
+    Attributes:
+        meshes: the items.
+        prepared: their stable poses and heightmaps.
+        fields: their surfaces; may be empty under the overlap constraints.
+    """
+
+    meshes: Mapping[str, Item]
+    prepared: Mapping[str, PreparedItem]
+    fields: Mapping[str, SurfaceField]
+
+
+def stability_constraint(shelf: Shelf, rule: StabilityRule) -> StabilityConstraint:
+    """The stability constraint of a rule."""
+    masses = {name: item.mass for name, item in shelf.meshes.items()}
+    tilt = MARGIN_TILT_DEG if rule == "margin" else 0.0
+    return StabilityConstraint(shelf.fields, masses, StabilityChecker(), tilt)
+
+
+def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig) -> Planner:
+    """The planner that a choice names.
+
+    Args:
+        choice: what the user chose.
+        shelf: every item of the order.
+        container: the box; the robot's cell depends on it.
+        grid: the discretization that ``shelf.prepared`` was made with.
+    """
+    constraints: list[Constraint] = []
+    if choice.constraints != "overlap":
+        constraints.append(stability_constraint(shelf, choice.stability))
+    if choice.constraints == "robot":
+        constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container))))
+    wider = choice.constraints != "overlap" or choice.search == "5d"
+    return Planner(
+        HEURISTICS[choice.heuristic],
+        grid.step_cells,
+        grid.cell_size,
+        tuple(constraints),
+        (lambda name: perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid)) if wider else None,
+        choice.search,
+        choice.max_checked,
+        choice.seed,
+    )

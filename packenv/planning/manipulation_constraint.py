@@ -1,0 +1,64 @@
+"""Manipulation feasibility as a constraint of the planner (paper Alg. 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
+
+from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.grasps import Grasp, Rule, generate_grasps
+from packenv.planning.manipulation import ManipulationChecker
+from packenv.types import OrientedItem
+
+
+@dataclass(frozen=True, eq=False)
+class ManipulationConstraint:
+    """The robot can bring the item to its place from above.
+
+    Attributes:
+        checker: robot cell and waypoints.
+        rule: how grasps are generated.
+    """
+
+    checker: ManipulationChecker
+    rule: Rule = "seal"
+    _grasps: WeakKeyDictionary[OrientedItem, tuple[Grasp, ...]] = field(
+        default_factory=WeakKeyDictionary, repr=False
+    )
+
+    @property
+    def name(self) -> str:
+        """One word."""
+        return "manipulation"
+
+    def start(self) -> None:
+        """The robot remembers nothing of the pile; the heightmap says it all."""
+
+    def objection(self, oriented: OrientedItem) -> str | None:
+        """An orientation without a graspable spot is of no use anywhere."""
+        return None if self.grasps(oriented) else "no-grasp"
+
+    def grasps(self, oriented: OrientedItem) -> tuple[Grasp, ...]:
+        """The grasps of an oriented item, generated once."""
+        grasps = self._grasps.get(oriented)
+        if grasps is None:
+            grasps = self._grasps[oriented] = generate_grasps(oriented, rule=self.rule)
+        return grasps
+
+    def check(self, trial: Trial, surface: ContainerMap, state: None) -> Verdict:
+        """Whether some grasp has a feasible way down."""
+        found = self.checker.check(trial.oriented, trial.corner, surface, self.grasps(trial.oriented))
+        if found.reason is not None:
+            return Verdict(False, found.reason)
+        assert found.grasp is not None
+        assert found.joints is not None
+        assert found.lip_heights is not None
+        details = {
+            "grasp": (trial.corner + found.grasp.point).tolist(),
+            "grasp_kind": found.grasp.kind,
+            "grasps_tried": found.grasps_tried,
+            "cup_heights": found.lip_heights.tolist(),
+            "joints": found.joints.tolist(),
+        }
+        return Verdict(True, details=details)
