@@ -75,7 +75,7 @@ def generate_grasps(
 
     Args:
         oriented: the item at its orientation.
-        rule: ``flat``: the centre of the top surface (of the bounding box seen from above) if it is flat, then
+        rule: ``flat``: the centre of the top surface (of the bounding box from above) if it is flat, then
             further flat spots, nearest to the centre of mass first, ``radius`` or more apart.
             ``seal``: the same, and where there is none, rough spots, the best seal first.
             ``paper``: the centre alone, whatever is there. Where the item has a hole there, wider than the
