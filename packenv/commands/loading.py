@@ -71,3 +71,15 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
                 "by --catalogue"
             )
     return plan, items
+
+
+def plan_cell_size(plan: Plan, path: Path) -> float:
+    """The cell size that a plan was made with, m.
+
+    Raises:
+        PlanError: it is not there, or out of range.
+    """
+    value = plan.settings.get("cell_size")
+    if not isinstance(value, (int, float)) or not 2e-4 <= value <= 0.05:
+        raise PlanError(f"{path}: settings.cell_size is {value!r}, should be metres between 0.0002 and 0.05")
+    return float(value)

@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.stability,
         arguments.search,
         arguments.seed,
+        with_margin=True,
     )
     packing = _smallest(
         (assemble(choice, shelf, box, grid).pack(sequence, prepared, box) for box in containers),

@@ -3,26 +3,66 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
+from typing import TypeVar, get_args
 
 from packenv.audit import AuditReport, audit_plan, misstated_boxes
-from packenv.commands.loading import load_plan
+from packenv.commands.loading import load_fields, load_plan, plan_cell_size
 from packenv.commands.output import say, say_json
+from packenv.errors import PlanError
+from packenv.planning.assembly import Constraints, StabilityRule
+from packenv.recheck import Recheck, recheck
+from packenv.types import Plan
+
+T = TypeVar("T")
+
+CONSTRAINTS: tuple[Constraints, ...] = get_args(Constraints)
+STABILITY_RULES: tuple[StabilityRule, ...] = get_args(StabilityRule)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Audit a plan; returns the exit code."""
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
+    constraints = _claim(plan, "constraints", CONSTRAINTS, str(arguments.plan))
+    stability = _claim(plan, "stability", STABILITY_RULES, str(arguments.plan))
     report = audit_plan(plan, items)
     misstated = misstated_boxes(plan, items)
-    ok = report.ok and not misstated
+    again = recheck(
+        plan,
+        items,
+        load_fields(items) if constraints != "overlap" else {},
+        constraints=constraints,
+        stability=stability,
+        cell_size=plan_cell_size(plan, arguments.plan),
+    )
+    ok = report.ok and not misstated and again.ok
     counts = {"placed": len(plan.placements), "left_over": len(plan.leftovers)}
     if arguments.json:
-        say_json({**report.to_json(), "misstated_boxes": misstated, **counts, "ok": ok})
+        say_json({**report.to_json(), "misstated_boxes": misstated, **asdict(again), **counts, "ok": ok})
     else:
         _report(report, misstated)
+        if constraints != "overlap":
+            _report_recheck(again, constraints)
         verdict = "ok" if ok else "failed"
         say(f"{verdict}: {counts['placed']} items placed, {counts['left_over']} left over")
     return 0 if ok else 1
+
+
+def _claim(plan: Plan, name: str, choices: tuple[T, ...], path: str) -> T:
+    """What the plan says it keeps."""
+    for choice in choices:
+        if plan.settings.get(name) == choice:
+            return choice
+    raise PlanError(f"{path}: settings.{name} is {plan.settings.get(name)!r}, should be one of {choices}")
+
+
+def _report_recheck(again: Recheck, constraints: str) -> None:
+    for step in again.unstable_steps:
+        say(f"unstable: the pile does not stand at step {step}")
+    for step in again.unreachable_steps:
+        say(f"unreachable: the robot cannot place step {step}")
+    reach = f", {len(again.unreachable_steps)} unreachable" if constraints == "robot" else ""
+    say(f"every step checked again: {len(again.unstable_steps)} unstable{reach}")
 
 
 def _report(report: AuditReport, misstated: tuple[int, ...]) -> None:

@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from packenv.commands.loading import load_plan
+from packenv.commands.loading import load_plan, plan_cell_size
 from packenv.commands.output import remark, say
-from packenv.errors import InputError, PlanError
+from packenv.errors import InputError
 from packenv.io.files import check_outputs
 from packenv.io.scene import build_scene
 from packenv.planning.container_map import ContainerMap
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--out {path}: unknown kind {kind!r}, give a name that ends in .html or .png")
     check_outputs({"--out": path}, arguments.plan)
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
-    cell_size = _cell_size(plan, arguments.plan)
+    cell_size = plan_cell_size(plan, arguments.plan)
     surfaces = _surfaces(plan, items, cell_size, arguments.plan)
     scene = build_scene(plan, items, [surface.heights for surface in surfaces], cell_size)
     if kind == ".png":
@@ -37,13 +37,6 @@ def run(arguments: argparse.Namespace) -> int:
         write_page(path, scene)
     say(f"wrote {path}")
     return 0
-
-
-def _cell_size(plan: Plan, path: Path) -> float:
-    value = plan.settings.get("cell_size")
-    if not isinstance(value, (int, float)) or not 2e-4 <= value <= 0.05:
-        raise PlanError(f"{path}: settings.cell_size is {value!r}, should be metres between 0.0002 and 0.05")
-    return float(value)
 
 
 def _surfaces(

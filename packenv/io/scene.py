@@ -152,4 +152,30 @@ def _placement_figures(placement: Placement, item: Item) -> dict[str, object]:
         "Score": score,
         "Candidates": placement.candidates,
         "Route": placement.route,
+        **_constraint_figures(placement),
     }
+
+
+def _constraint_figures(placement: Placement) -> dict[str, object]:
+    """What the constraints told of a placement; nothing under non-overlap alone."""
+    if not placement.details:
+        return {}
+    figures: dict[str, object] = {"Checked": placement.checked}
+    if placement.rejections:
+        figures["Rejected"] = dict(placement.rejections)
+    stability = placement.details.get("stability")
+    if isinstance(stability, Mapping):
+        figures["Contacts"] = stability.get("contacts")
+        if "margin_deg" in stability:
+            figures["Tilt margin"] = f"{stability['margin_deg']:.1f}°"
+        figures["Forces on it"] = [
+            f"{math.hypot(*force['force']):.2f} N at {_millimetres(np.array(force['at'])).replace(' ×', ',')}"
+            for force in stability.get("forces", ())
+        ]
+    manipulation = placement.details.get("manipulation")
+    if isinstance(manipulation, Mapping):
+        grasp = _millimetres(np.array(manipulation["grasp"])).replace(" ×", ",")
+        figures["Grasp"] = f"{manipulation['grasp_kind']}, {grasp}"
+        joints = ", ".join(f"{math.degrees(q):.1f}°" for q in manipulation["joints"][-1])
+        figures["Joints"] = joints
+    return figures

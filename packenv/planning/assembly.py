@@ -39,6 +39,7 @@ class PlannerChoice:
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
+        with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
     heuristic: str = "hm"
@@ -47,6 +48,7 @@ class PlannerChoice:
     search: Search = "3d"
     seed: int = 0
     max_checked: int = MAX_CHECKED
+    with_margin: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +66,6 @@ class Shelf:
     fields: Mapping[str, SurfaceField]
 
 
-def stability_constraint(shelf: Shelf, rule: StabilityRule) -> StabilityConstraint:
-    """The stability constraint of a rule."""
-    masses = {name: item.mass for name, item in shelf.meshes.items()}
-    tilt = MARGIN_TILT_DEG if rule == "margin" else 0.0
-    return StabilityConstraint(shelf.fields, masses, StabilityChecker(), tilt)
-
-
 def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig) -> Planner:
     """The planner that a choice names.
 
@@ -82,7 +77,12 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
     """
     constraints: list[Constraint] = []
     if choice.constraints != "overlap":
-        constraints.append(stability_constraint(shelf, choice.stability))
+        masses = {name: item.mass for name, item in shelf.meshes.items()}
+        tilt = MARGIN_TILT_DEG if choice.stability == "margin" else 0.0
+        checker = StabilityChecker()
+        constraints.append(
+            StabilityConstraint(shelf.fields, masses, checker, tilt, with_margin=choice.with_margin)
+        )
     if choice.constraints == "robot":
         constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container))))
     wider = choice.constraints != "overlap" or choice.search == "5d"

@@ -46,6 +46,7 @@ class StabilityConstraint:
         tilt_deg: 0 asks for equilibrium (the paper's rule); above 0 the pile must also stand under gravity
             tilted by this much in eight directions.
         threshold: largest gap that counts as contact, m.
+        with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
     """
 
     fields: Mapping[str, SurfaceField]
@@ -53,6 +54,7 @@ class StabilityConstraint:
     checker: StabilityChecker
     tilt_deg: float = 0.0
     threshold: float = THRESHOLD
+    with_margin: bool = False
 
     @property
     def name(self) -> str:
@@ -81,9 +83,32 @@ class StabilityConstraint:
         balance = self._balance(contacts, masses, coms, state.balance)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
-        details = {"contacts": len(thin(own)), "decided_by": balance[0].decided_by}
+        details = self._details(contacts, masses, coms, balance[0], index)
         pile = PileState((*state.bodies, body), masses, coms, contacts, balance)
         return Verdict(True, state=pile, details=details)
+
+    def _details(
+        self, contacts: Contacts, masses: FloatArray, coms: FloatArray, balance: StabilityResult, index: int
+    ) -> dict[str, object]:
+        """Where the new item is touched, with which forces on it, and how far it is from falling."""
+        touching = (contacts.first == index) | (contacts.second == index)
+        assert balance.forces is not None
+        forces = balance.forces[touching] * np.where(contacts.second[touching] == index, 1.0, -1.0)[:, None]
+        loaded = np.linalg.norm(forces, axis=1) > 1e-6 * masses[-1]
+        details: dict[str, object] = {
+            "decided_by": balance.decided_by,
+            "contacts": int(touching.sum()),
+            "forces": [
+                {"at": [round(v, 6) for v in at], "force": [round(v, 6) for v in force]}
+                for at, force in zip(
+                    contacts.points[touching][loaded].tolist(), forces[loaded].tolist(), strict=True
+                )
+            ],
+        }
+        if self.with_margin:
+            margin = self.checker.margin(contacts, masses, coms, free=[index])
+            details["margin_deg"] = round(margin.tilt_deg, 3)
+        return details
 
     def _balance(
         self,

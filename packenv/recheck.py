@@ -1,0 +1,152 @@
+"""Check stability and manipulation of every step of a plan again, from its poses and the meshes alone.
+
+Nothing that the plan says of contacts, forces, grasps or joints is believed. The pile of each step is
+balanced from nothing, without the shortcuts of the planner and the forces of the step before; the way of the robot
+is looked for anew, and the joints that the plan states are put through the forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from packenv.errors import PlanError
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.heightmaps import orient_item
+from packenv.planning.assembly import MARGIN_TILT_DEG, Constraints, StabilityRule
+from packenv.planning.contact_patches import thin
+from packenv.planning.contacts import Body, item_contacts, join, no_contacts
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.grasps import generate_grasps
+from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.replay import replay
+from packenv.planning.stability import StabilityChecker
+from packenv.robot import gripper, tx90
+from packenv.robot.cell import Cell
+from packenv.types import Contacts, Item, Placement, Plan
+
+JOINT_TOLERANCE = 1e-6
+"""How far the cup of the stated joints may be from its stated way, m."""
+
+
+@dataclass(frozen=True)
+class Recheck:
+    """Steps (from 1) that fail.
+
+    Attributes:
+        unstable_steps: the pile with this step's item does not stand.
+        unreachable_steps: the robot cannot bring this step's item to its place, or the stated joints are not
+            those of the stated way.
+    """
+
+    unstable_steps: tuple[int, ...] = ()
+    unreachable_steps: tuple[int, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """True where no step fails."""
+        return not (self.unstable_steps or self.unreachable_steps)
+
+
+def recheck(
+    plan: Plan,
+    items: Mapping[str, Item],
+    fields: Mapping[str, SurfaceField],
+    *,
+    constraints: Constraints,
+    stability: StabilityRule,
+    cell_size: float,
+) -> Recheck:
+    """Check what the plan's constraints ask beyond non-overlap.
+
+    Args:
+        plan: the plan.
+        items: the placed items by name.
+        fields: their surfaces.
+        constraints: what the plan claims to keep.
+        stability: by which rule it claims to be stable.
+        cell_size: of the plan's heightmaps, m.
+
+    Raises:
+        PlanError: an item is not over the container, so that no heightmap can be built.
+    """
+    if constraints == "overlap":
+        return Recheck()
+    unstable = _unstable(plan, items, fields, MARGIN_TILT_DEG if stability == "margin" else 0.0)
+    if constraints == "stability":
+        return Recheck(unstable)
+    try:
+        surfaces = replay(plan.placements, items, plan.container, cell_size)
+    except ValueError as problem:
+        raise PlanError(f"plan: {problem}, so its stability and manipulation cannot be checked") from None
+    before = [ContainerMap.empty(plan.container, cell_size), *surfaces]
+    checker = ManipulationChecker(Cell.beside(plan.container))
+    unreachable = tuple(
+        step
+        for step, (placement, surface) in enumerate(zip(plan.placements, before, strict=False), start=1)
+        if not _reachable(placement, items[placement.item], surface, checker)
+    )
+    return Recheck(unstable, unreachable)
+
+
+def _unstable(
+    plan: Plan, items: Mapping[str, Item], fields: Mapping[str, SurfaceField], tilt_deg: float
+) -> tuple[int, ...]:
+    checker = StabilityChecker()
+    bodies: list[Body] = []
+    contacts = no_contacts()
+    masses: list[float] = []
+    coms: list[np.ndarray] = []
+    failed = []
+    for step, placement in enumerate(plan.placements, start=1):
+        item = items[placement.item]
+        body = Body(fields[placement.item], placement.rotation, placement.position)
+        own = item_contacts(body, bodies, plan.container, index=step)
+        contacts = join([contacts, thin(own)])
+        bodies.append(body)
+        masses.append(item.mass)
+        coms.append(placement.rotation @ item.com + placement.position)
+        if not _stands(checker, contacts, masses, coms, tilt_deg):
+            failed.append(step)
+    return tuple(failed)
+
+
+def _stands(
+    checker: StabilityChecker,
+    contacts: Contacts,
+    masses: Sequence[float],
+    coms: Sequence[np.ndarray],
+    tilt_deg: float,
+) -> bool:
+    if tilt_deg > 0.0:
+        return checker.check_margin(contacts, masses, np.array(coms), tilt_deg=tilt_deg)[-1].stable
+    return checker.check(contacts, masses, np.array(coms)).stable
+
+
+def _reachable(placement: Placement, item: Item, surface: ContainerMap, checker: ManipulationChecker) -> bool:
+    oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
+    corner = placement.position - oriented.offset
+    if not checker.check(oriented, corner, surface, generate_grasps(oriented)).feasible:
+        return False
+    return _joints_match(placement, checker.cell)
+
+
+def _joints_match(placement: Placement, cell: Cell) -> bool:
+    """Whether the stated joints are inside the limits and put the cup on its stated way."""
+    stated = placement.details.get("manipulation")
+    if not isinstance(stated, Mapping):
+        return False
+    try:
+        joints = np.asarray(stated["joints"], dtype=np.float64).reshape(-1, 6)
+        grasp = np.asarray(stated["grasp"], dtype=np.float64).reshape(3)
+        heights = np.asarray(stated["cup_heights"], dtype=np.float64).reshape(len(joints))
+    except (KeyError, TypeError, ValueError):
+        return False
+    cups = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
+    reached = gripper.flange_to_tool(tx90.forward(joints))
+    error = np.abs(reached[:, :3, 3] - cell.to_base(cups)).max(initial=0.0)
+    down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max(initial=0.0)
+    inside = bool(np.all(tx90.limit_margin(joints) >= 0.0))
+    return bool(len(joints) and error <= JOINT_TOLERANCE and down <= JOINT_TOLERANCE and inside)
