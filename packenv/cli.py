@@ -131,6 +131,13 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="equilibrium, or equilibrium under gravity tilted by 5 degrees as well (default: %(default)s)",
     )
     pack.add_argument(
+        "--grasp",
+        choices=("seal", "flat", "paper"),
+        default="seal",
+        help="where the vacuum cup may take an item: where it seals (a rough spot where there is no flat "
+        "one), flat spots alone, or the centre of the top surface whatever is there (default: %(default)s)",
+    )
+    pack.add_argument(
         "--search",
         choices=("3d", "5d"),
         default="3d",

@@ -1,8 +1,8 @@
 """Check stability and manipulation of every step of a plan again, from its poses and the meshes alone.
 
 Nothing that the plan says of contacts, forces, grasps or joints is believed. The pile of each step is
-balanced from nothing, without the shortcuts of the planner and the forces of the step before; the way of the robot
-is looked for anew, and the joints that the plan states are put through the forward kinematics.
+balanced from nothing, without the shortcuts of the planner and the forces of the step before; the way of
+the robot is looked for anew, and the joints that the plan states are put through the forward kinematics.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from packenv.planning.assembly import MARGIN_TILT_DEG, Constraints, StabilityRul
 from packenv.planning.contact_patches import thin
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.replay import replay
@@ -57,6 +58,7 @@ def recheck(
     *,
     constraints: Constraints,
     stability: StabilityRule,
+    grasp: GraspRule,
     cell_size: float,
 ) -> Recheck:
     """Check what the plan's constraints ask beyond non-overlap.
@@ -67,6 +69,7 @@ def recheck(
         fields: their surfaces.
         constraints: what the plan claims to keep.
         stability: by which rule it claims to be stable.
+        grasp: by which rule it claims to be graspable.
         cell_size: of the plan's heightmaps, m.
 
     Raises:
@@ -86,7 +89,7 @@ def recheck(
     unreachable = tuple(
         step
         for step, (placement, surface) in enumerate(zip(plan.placements, before, strict=False), start=1)
-        if not _reachable(placement, items[placement.item], surface, checker)
+        if not _reachable(placement, items[placement.item], surface, checker, grasp)
     )
     return Recheck(unstable, unreachable)
 
@@ -125,10 +128,16 @@ def _stands(
     return checker.check(contacts, masses, np.array(coms)).stable
 
 
-def _reachable(placement: Placement, item: Item, surface: ContainerMap, checker: ManipulationChecker) -> bool:
+def _reachable(
+    placement: Placement,
+    item: Item,
+    surface: ContainerMap,
+    checker: ManipulationChecker,
+    grasp: GraspRule,
+) -> bool:
     oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
-    if not checker.check(oriented, corner, surface, generate_grasps(oriented)).feasible:
+    if not checker.check(oriented, corner, surface, generate_grasps(oriented, rule=grasp)).feasible:
         return False
     return _joints_match(placement, checker.cell)
 

@@ -11,12 +11,14 @@ from packenv.commands.loading import load_fields, load_plan, plan_cell_size
 from packenv.commands.output import say, say_json
 from packenv.errors import PlanError
 from packenv.planning.assembly import Constraints, StabilityRule
+from packenv.planning.grasps import Rule as GraspRule
 from packenv.recheck import Recheck, recheck
 from packenv.types import Plan
 
 T = TypeVar("T")
 
 CONSTRAINTS: tuple[Constraints, ...] = get_args(Constraints)
+GRASP_RULES: tuple[GraspRule, ...] = get_args(GraspRule)
 STABILITY_RULES: tuple[StabilityRule, ...] = get_args(StabilityRule)
 
 
@@ -25,6 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
     constraints = _claim(plan, "constraints", CONSTRAINTS, str(arguments.plan))
     stability = _claim(plan, "stability", STABILITY_RULES, str(arguments.plan))
+    grasp = _claim(plan, "grasp", GRASP_RULES, str(arguments.plan))
     report = audit_plan(plan, items)
     misstated = misstated_boxes(plan, items)
     again = recheck(
@@ -33,6 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
         load_fields(items) if constraints != "overlap" else {},
         constraints=constraints,
         stability=stability,
+        grasp=grasp,
         cell_size=plan_cell_size(plan, arguments.plan),
     )
     ok = report.ok and not misstated and again.ok

@@ -10,6 +10,7 @@ from packenv.config import GridConfig
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
+from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.manipulation_constraint import ManipulationConstraint
 from packenv.planning.orientations import perturbations
@@ -39,6 +40,8 @@ class PlannerChoice:
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
+        grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
+            flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
@@ -48,6 +51,7 @@ class PlannerChoice:
     search: Search = "3d"
     seed: int = 0
     max_checked: int = MAX_CHECKED
+    grasp: GraspRule = "seal"
     with_margin: bool = False
 
 
@@ -84,7 +88,7 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
             StabilityConstraint(shelf.fields, masses, checker, tilt, with_margin=choice.with_margin)
         )
     if choice.constraints == "robot":
-        constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container))))
+        constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container)), choice.grasp))
     wider = choice.constraints != "overlap" or choice.search == "5d"
     return Planner(
         HEURISTICS[choice.heuristic],

@@ -136,7 +136,7 @@ class ManipulationChecker:
             the answer; where it is no, the reason.
 
         Raises:
-            ValueError: x or y is not a whole cell, the surface is not of the cell's container, or the cell
+            ValueError: the corner is not finite, x or y is not a whole cell, the surface is not of the cell's container, or the cell
                 sizes differ.
         """
         corner = np.asarray(corner, dtype=np.float64)
@@ -166,8 +166,10 @@ class ManipulationChecker:
                 f"the surface is of {surface.container.label}, the robot cell of {self.cell.container.label}"
             )
         x, y = float(corner[0]), float(corner[1])
+        if not math.isfinite(x + y + float(corner[2])):
+            raise ValueError(f"corner is {corner.tolist()}, give finite metres")
         ix, iy = round(x / size), round(y / size)
-        if not max(abs(x - ix * size), abs(y - iy * size)) <= TOLERANCE:
+        if max(abs(x - ix * size), abs(y - iy * size)) > TOLERANCE:
             raise ValueError(f"corner ({x:g}, {y:g}) is not on whole cells of {size:g} m")
         return ix, iy
 

@@ -1,0 +1,228 @@
+"""Plan many random orders under all constraints: ``python -m experiments.planning --catalogue DIR --json``.
+
+``--set large``: orders of ten different items into 0.32 x 0.32 x 0.30 m. *Feasible* are those that HM, DBLF,
+MTA or MinZ packs without overlap (the paper takes sets that one of its methods packs). ``--set small``:
+orders of three to five items into the smallest of the five Amazon Robotics Challenge boxes that takes them;
+feasible are those whose items each fit the largest box alone. Stopped and started again with the same
+``--out``, it goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import statistics
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from benchmarks.orders import fitting, random_orders
+from experiments.rows import RowFile
+from experiments.workers import run_jobs
+from packenv import __version__
+from packenv.config import GridConfig
+from packenv.io.catalogues import open_catalogue
+from packenv.io.containers import read_boxes
+from packenv.io.item_cache import ItemCache
+from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.packer import Packing, by_box_volume
+from packenv.types import Container
+
+GRID = GridConfig()
+LARGE = Container(0.32, 0.32, 0.30)
+WITNESSES = ("hm", "dblf", "mta", "minz")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One order under one choice."""
+
+    set: str
+    choice: PlannerChoice
+    index: int
+    order: tuple[str, ...]
+    meshes: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """Hash of all that the row depends on."""
+        return hashlib.sha256(repr((__version__, GRID, self)).encode()).hexdigest()[:24]
+
+
+class _Worker:
+    """What a worker process loads once."""
+
+    shelf: Shelf
+
+
+def prepare(catalogue: str) -> None:
+    """Load the catalogue into this process."""
+    opened, cache = open_catalogue(catalogue), ItemCache()
+    meshes = {name: opened.item(name) for name in opened.names}
+    prepared = {name: cache.prepare(item, GRID) for name, item in meshes.items()}
+    fields = {name: cache.surface_field(item) for name, item in meshes.items()}
+    _Worker.shelf = Shelf(meshes, prepared, fields)
+
+
+def small_boxes() -> list[Container]:
+    """The five challenge boxes, smallest volume first."""
+    return sorted((box for box in read_boxes() if box.name != "S32"), key=lambda box: box.volume)
+
+
+def _pack(job: Job, choice: PlannerChoice) -> Packing:
+    shelf = _Worker.shelf
+    sequence = by_box_volume(job.order, shelf.prepared)
+    packing = None
+    for box in [LARGE] if job.set == "large" else small_boxes():
+        packing = assemble(choice, shelf, box, GRID).pack(sequence, shelf.prepared, box)
+        if packing.complete:
+            break
+    assert packing is not None
+    return packing
+
+
+def work(job: Job) -> dict[str, Any]:
+    """Plan one order."""
+    start = time.process_time()
+    packing = _pack(job, job.choice)
+    seconds = time.process_time() - start
+    feasible = packing.complete or job.set == "small"
+    for witness in WITNESSES:
+        feasible = feasible or _pack(job, PlannerChoice(witness, "overlap")).complete
+    rejections: Counter[str] = Counter()
+    for part in (*packing.placements, *packing.leftovers):
+        rejections.update(part.rejections)
+    return {
+        "key": job.key,
+        "set": job.set,
+        "heuristic": job.choice.heuristic,
+        "constraints": job.choice.constraints,
+        "stability": job.choice.stability,
+        "search": job.choice.search,
+        "grasp": job.choice.grasp,
+        "index": job.index,
+        "order": job.order,
+        "complete": packing.complete,
+        "feasible": feasible,
+        "container": packing.container.label,
+        "leftovers": [(left.item, left.reason) for left in packing.leftovers],
+        "routes": Counter(placement.route for placement in packing.placements),
+        "checked": sum(placement.checked for placement in packing.placements),
+        "rejections": rejections,
+        "cpu_s": seconds,
+    }
+
+
+def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One line for each choice."""
+    groups = defaultdict(list)
+    for row in rows:
+        if "error" not in row and row["feasible"]:
+            names = ("set", "heuristic", "constraints", "stability", "search", "grasp")
+            groups[tuple(row[name] for name in names)].append(row)
+    lines = []
+    for key, group in sorted(groups.items()):
+        routes: Counter[str] = Counter()
+        reasons: Counter[str] = Counter()
+        for row in group:
+            routes.update(row["routes"])
+            reasons.update(f"{item}: {reason}" for item, reason in row["leftovers"])
+        lines.append(
+            {
+                "choice": " ".join(key),
+                "orders": len(group),
+                "success": statistics.mean(row["complete"] for row in group),
+                "cpu_s_median": statistics.median(row["cpu_s"] for row in group),
+                "cpu_s_mean": statistics.mean(row["cpu_s"] for row in group),
+                "cpu_s_max": max(row["cpu_s"] for row in group),
+                "checked_an_item": sum(r["checked"] for r in group) / max(1, sum(routes.values())),
+                "routes": dict(routes),
+                "containers": dict(Counter(row["container"] for row in group)),
+                "left_over": dict(reasons.most_common(12)),
+            }
+        )
+    return lines
+
+
+def main() -> int:
+    """Run, resume, print the summary."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--set", choices=("large", "small"), default="large")
+    parser.add_argument("--orders", type=int, default=300)
+    parser.add_argument("--heuristics", nargs="+", default=["hm", "dblf", "mta"])
+    parser.add_argument("--constraints", default="robot", choices=("overlap", "stability", "robot"))
+    parser.add_argument("--stability", default="paper", choices=("paper", "margin"))
+    parser.add_argument("--grasp", default="seal", choices=("seal", "flat", "paper"))
+    parser.add_argument("--search", default="3d", choices=("3d", "5d"))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("runs/planning.jsonl"))
+    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
+    arguments = parser.parse_args()
+
+    prepare(arguments.catalogue)
+    shelf = _Worker.shelf
+    box = LARGE if arguments.set == "large" else small_boxes()[-1]
+    names = fitting(shelf.prepared, box, GRID)
+    if arguments.set == "large":
+        orders = random_orders(names, 10, arguments.orders, arguments.seed)
+    else:
+        rng = np.random.default_rng([arguments.seed, 5])
+        sizes = rng.integers(3, 6, arguments.orders)
+        orders = [[str(name) for name in rng.choice(names, size, replace=False)] for size in sizes]
+    jobs = [
+        Job(
+            arguments.set,
+            PlannerChoice(
+                heuristic,
+                arguments.constraints,
+                arguments.stability,
+                arguments.search,
+                grasp=arguments.grasp,
+            ),
+            index,
+            tuple(order),
+            tuple(shelf.meshes[name].sha256[:16] for name in order),
+        )
+        for index, order in enumerate(orders)
+        for heuristic in arguments.heuristics
+    ]
+    file = RowFile(arguments.out)
+    missing = [job for job in jobs if job.key not in file]
+    rows = run_jobs(
+        work,
+        missing,
+        workers=arguments.workers,
+        timeout=1800,
+        prepare=prepare,
+        arguments=(arguments.catalogue,),
+    )
+    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
+        file.append(row)
+    wanted = {job.key for job in jobs}
+    done = [row for row in file if row["key"] in wanted]
+    failed = [row for row in done if "error" in row]
+    print(  # noqa: T201
+        json.dumps(
+            {
+                "rows": summarize(done),
+                "failed_jobs": failed,
+                "items_that_do_not_fit_alone": sorted(set(shelf.prepared) - set(names)),
+            },
+            indent=1,
+        )
+    )
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
