@@ -136,8 +136,8 @@ class ManipulationChecker:
             the answer; where it is no, the reason.
 
         Raises:
-            ValueError: the corner is not finite, x or y is not a whole cell, the surface is not of the cell's container, or the cell
-                sizes differ.
+            ValueError: the corner is not finite or not on whole cells, the surface is not of the cell's
+                container, or the cell sizes differ.
         """
         corner = np.asarray(corner, dtype=np.float64)
         ix, iy = self._cells(oriented, corner, surface)
