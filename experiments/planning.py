@@ -96,7 +96,7 @@ def work(job: Job) -> dict[str, Any]:
     seconds = time.process_time() - start
     feasible = packing.complete or job.set == "small"
     for witness in WITNESSES:
-        feasible = feasible or _pack(job, PlannerChoice(witness, "overlap")).complete
+        feasible = feasible or _pack(job, PlannerChoice(witness, "overlap", restarts=0)).complete
     rejections: Counter[str] = Counter()
     for part in (*packing.placements, *packing.leftovers):
         rejections.update(part.rejections)
@@ -108,6 +108,7 @@ def work(job: Job) -> dict[str, Any]:
         "stability": job.choice.stability,
         "search": job.choice.search,
         "grasp": job.choice.grasp,
+        "restarts": str(job.choice.restarts),
         "index": job.index,
         "order": job.order,
         "complete": packing.complete,
@@ -126,7 +127,7 @@ def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     groups = defaultdict(list)
     for row in rows:
         if "error" not in row and row["feasible"]:
-            names = ("set", "heuristic", "constraints", "stability", "search", "grasp")
+            names = ("set", "heuristic", "constraints", "stability", "search", "grasp", "restarts")
             groups[tuple(row[name] for name in names)].append(row)
     lines = []
     for key, group in sorted(groups.items()):
@@ -162,6 +163,7 @@ def main() -> int:
     parser.add_argument("--constraints", default="robot", choices=("overlap", "stability", "robot"))
     parser.add_argument("--stability", default="paper", choices=("paper", "margin"))
     parser.add_argument("--grasp", default="seal", choices=("seal", "flat", "paper"))
+    parser.add_argument("--restarts", type=int, default=3)
     parser.add_argument("--search", default="3d", choices=("3d", "5d"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
@@ -188,6 +190,7 @@ def main() -> int:
                 arguments.stability,
                 arguments.search,
                 grasp=arguments.grasp,
+                restarts=arguments.restarts,
             ),
             index,
             tuple(order),

@@ -85,6 +85,14 @@ def _seed(text: str) -> int:
     return value
 
 
+def _count(text: str) -> int:
+    """A whole number of at least 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
+    return value
+
+
 def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
     parser.add_argument(
         "--catalogue",
@@ -136,6 +144,13 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         default="seal",
         help="where the vacuum cup may take an item: where it seals (a rough spot where there is no flat "
         "one), flat spots alone, or the centre of the top surface whatever is there (default: %(default)s)",
+    )
+    pack.add_argument(
+        "--restarts",
+        type=_count,
+        default=3,
+        metavar="N",
+        help="plan an incomplete order up to N times again with its leftovers first (default: %(default)s)",
     )
     pack.add_argument(
         "--search",

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.errors import PlanError
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.assembly import MARGIN_TILT_DEG, Constraints, StabilityRule
@@ -71,27 +70,36 @@ def recheck(
         stability: by which rule it claims to be stable.
         grasp: by which rule it claims to be graspable.
         cell_size: of the plan's heightmaps, m.
-
-    Raises:
-        PlanError: an item is not over the container, so that no heightmap can be built.
     """
     if constraints == "overlap":
         return Recheck()
     unstable = _unstable(plan, items, fields, MARGIN_TILT_DEG if stability == "margin" else 0.0)
     if constraints == "stability":
         return Recheck(unstable)
-    try:
-        surfaces = replay(plan.placements, items, plan.container, cell_size)
-    except ValueError as problem:
-        raise PlanError(f"plan: {problem}, so its stability and manipulation cannot be checked") from None
-    before = [ContainerMap.empty(plan.container, cell_size), *surfaces]
+    surfaces = _surfaces_before(plan, items, cell_size)
     checker = ManipulationChecker(Cell.beside(plan.container))
     unreachable = tuple(
         step
-        for step, (placement, surface) in enumerate(zip(plan.placements, before, strict=False), start=1)
-        if not _reachable(placement, items[placement.item], surface, checker, grasp)
+        for step, placement in enumerate(plan.placements, start=1)
+        if step > len(surfaces)
+        or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, grasp)
     )
     return Recheck(unstable, unreachable)
+
+
+def _surfaces_before(plan: Plan, items: Mapping[str, Item], cell_size: float) -> list[ContainerMap]:
+    """The heightmap before each step, up to the first item that is not over the container."""
+    surfaces: tuple[ContainerMap, ...] = ()
+    for count in range(len(plan.placements), 0, -1):
+        try:
+            surfaces = replay(plan.placements[:count], items, plan.container, cell_size)
+            break
+        except ValueError:
+            continue
+    empty = ContainerMap.empty(plan.container, cell_size)
+    known = [empty, *surfaces]
+    # Where the replay ended early, its next item is outside: there is no way down to it.
+    return known[:-1] if len(surfaces) == len(plan.placements) else known[: len(surfaces)]
 
 
 def _unstable(

@@ -19,7 +19,7 @@ from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.packer import Packing, by_box_volume
 from packenv.types import Container, Item, Plan
 
-_SETTINGS = ("heuristic", "constraints", "stability", "grasp", "search", "sequence", "seed")
+_SETTINGS = ("heuristic", "constraints", "stability", "grasp", "search", "restarts", "sequence", "seed")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -46,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.search,
         arguments.seed,
         grasp=arguments.grasp,
+        restarts=arguments.restarts,
         with_margin=True,
     )
     packing = _smallest(

@@ -42,6 +42,7 @@ class PlannerChoice:
         max_checked: the paper's N.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
+        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
@@ -52,6 +53,7 @@ class PlannerChoice:
     seed: int = 0
     max_checked: int = MAX_CHECKED
     grasp: GraspRule = "seal"
+    restarts: int = 3
     with_margin: bool = False
 
 
@@ -98,5 +100,6 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
         (lambda name: perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid)) if wider else None,
         choice.search,
         choice.max_checked,
+        choice.restarts,
         choice.seed,
     )

@@ -19,6 +19,8 @@ from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placeme
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
 
+_WORTH_A_RESTART = ("no-legal-candidate", "no-packable-candidate")
+
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
 
@@ -72,6 +74,7 @@ class Planner:
         perturbations: orientations of the fallback and of the 5D search; None has neither.
         search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once.
         max_checked: candidates of one orientation set that are put to the constraints.
+        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         seed: for heuristics that draw.
     """
 
@@ -82,12 +85,16 @@ class Planner:
     perturbations: Perturbations | None = None
     search: Literal["3d", "5d"] = "3d"
     max_checked: int = MAX_CHECKED
+    restarts: int = 0
     seed: int = 0
 
     def pack(
         self, sequence: Sequence[str], items: Mapping[str, PreparedItem], container: Container
     ) -> Packing:
-        """Pack items one after another, without backtracking (paper Alg. 4).
+        """Pack items one after another (paper Alg. 4); with restarts, again with what failed first.
+
+        The paper never takes a placement back. A restart does, all at once: what found no place goes to the
+        front of the sequence, and the order is planned anew. The fullest packing is kept.
 
         Under the non-overlap constraints alone there is no fallback in the sequence: heights only grow, so an
         item that fits nowhere fits nowhere later.
@@ -97,7 +104,19 @@ class Planner:
             items: every named item, prepared at ``cell_size``.
             container: the box.
         """
-        return _Run(self, items, container).pack(sequence)
+        best = _Run(self, items, container).pack(sequence)
+        last, tried = best, {tuple(sequence)}
+        for _ in range(self.restarts):
+            late = [left.item for left in last.leftovers if left.reason in _WORTH_A_RESTART]
+            rest = list((Counter(sequence) - Counter(late)).elements())
+            sequence = [*late, *sorted(rest, key=list(sequence).index)]
+            if not late or tuple(sequence) in tried:
+                break
+            tried.add(tuple(sequence))
+            last = _Run(self, items, container).pack(sequence)
+            if len(last.placements) > len(best.placements):
+                best = last
+        return best
 
 
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
@@ -247,12 +266,12 @@ class _Run:
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
             return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
-        if rejections and not attempt.legal:
-            detail = f"{item.name} has no graspable spot in any orientation that fits"
-            return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
         if len(grid_search(self.empty, item.orientations, self.planner.step)):
+            if rejections and all(self.objected(o, Counter()) for o in item.orientations):
+                detail = f"{item.name} has no graspable spot in any tried orientation that fits"
+                return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
-            return Leftover(item.name, instance, "no-legal-candidate", detail)
+            return Leftover(item.name, instance, "no-legal-candidate", detail, rejections)
         tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
         size = " x ".join(f"{e:.3f}" for e in tightest)
         detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
