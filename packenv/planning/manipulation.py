@@ -120,6 +120,8 @@ class ManipulationChecker:
         self.cell = cell
         self.release = release
         self.spacing = spacing
+        # The flange where the lip is at the base frame's origin: every waypoint is this, moved.
+        self._flange = gripper.tool_to_flange(gripper.top_down(np.zeros(3)))
 
     def check(
         self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap, grasps: Sequence[Grasp]
@@ -199,21 +201,28 @@ class ManipulationChecker:
         top = self.cell.container.height + RIM_CLEARANCE
         bottom = z + self.release
         steps = max(1, math.ceil((top - bottom) / self.spacing - 1e-9))
-        down = np.linspace(max(top, bottom), bottom, steps + 1)
-        return np.append(down, z) + lip
+        heights = np.empty(steps + 2)
+        heights[:-1] = np.arange(steps, -1, -1)
+        heights[:-1] *= max(top - bottom, 0.0) / steps
+        heights[:-1] += bottom
+        heights[-1] = z
+        heights += lip
+        return heights
 
     def _joints(
         self, oriented: OrientedItem, corner: FloatArray, grasp: Grasp, lips: FloatArray
     ) -> FloatArray | Reason:
         """(m, 6) joints of the branch that is farthest from the limits, or why there is none."""
-        cups = np.empty((len(lips), 3))
-        cups[:, :2] = corner[:2] + grasp.point[:2]
-        cups[:, 2] = lips
-        cups = self.cell.to_base(cups)
-        branches = continuous_branches(gripper.tool_to_flange(gripper.top_down(cups)))
+        at = corner + grasp.point
+        path = np.empty((len(lips), 4, 4))
+        path[:] = self._flange
+        path[:, :3, 3] += self.cell.to_base(at)
+        path[:, 2, 3] += lips - at[2]
+        branches = continuous_branches(path)
         if not len(branches):
             return "joint-limits" if branches.beyond_limits else "unreachable"
-        low = cups - grasp.point
+        # The held item's box at every waypoint.
+        low = path[:, :3, 3] - self._flange[:3, 3] - grasp.point
         hit = np.empty(1, dtype=np.bool_)
         for k in np.argsort(-limit_margin(branches.q).min(axis=1), kind="stable"):
             q = branches.q[k : k + 1]
