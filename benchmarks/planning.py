@@ -13,12 +13,15 @@ from __future__ import annotations
 from benchmarks import one_thread  # noqa: F401  isort: skip
 
 import argparse
+import dataclasses
 import json
 import statistics
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +33,12 @@ from packenv.config import GridConfig
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.item_cache import ItemCache
-from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.packer import by_box_volume
 from packenv.planning.scores import HEURISTICS
+from packenv.types import OrientedItem
 
 
 def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -41,25 +48,74 @@ def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - start, result
 
 
+@dataclass(frozen=True)
+class Timed:
+    """A constraint that adds the CPU time of its answers to a count."""
+
+    constraint: Constraint
+    spent: Counter[str]
+
+    @property
+    def name(self) -> str:
+        """That of the constraint."""
+        return self.constraint.name
+
+    def start(self) -> Any:
+        """As the constraint."""
+        return self.constraint.start()
+
+    def objection(self, oriented: OrientedItem) -> str | None:
+        """As the constraint."""
+        seconds, answer = cpu(lambda: self.constraint.objection(oriented))
+        self.spent[f"{self.name} of orientations"] += seconds
+        return answer
+
+    def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
+        """As the constraint."""
+        seconds, answer = cpu(lambda: self.constraint.check(trial, surface, state))
+        self.spent[self.name] += seconds
+        self.spent[f"{self.name} checks"] += 1
+        return answer
+
+
+def shares(whole: float, spent: Counter[str]) -> dict[str, Any]:
+    """Where the time went: milliseconds a check, and shares of all CPU time; the rest is the search."""
+    report: dict[str, Any] = {}
+    for name in ("stability", "manipulation"):
+        if checks := spent.pop(f"{name} checks", 0):
+            report[f"{name}_ms_a_check"] = 1e3 * spent[name] / checks
+    if spent:
+        report["time_shares"] = {name: seconds / whole for name, seconds in sorted(spent.items())}
+    return report
+
+
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--catalogue", default="builtin")
     parser.add_argument("--container", default="0.32x0.32x0.30")
     parser.add_argument("--orders", type=int, default=50, help="orders of each size")
-    parser.add_argument("--sizes", type=int, nargs="+", default=[10, 16, 22, 28])
+    parser.add_argument("--sizes", type=int, nargs="+", help="default: 10 16 22 28; under constraints 10")
     parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
+    parser.add_argument("--constraints", choices=("overlap", "stability", "robot"), default="overlap")
+    parser.add_argument("--stability", choices=("paper", "margin"), default="paper")
+    parser.add_argument("--grasp", choices=("seal", "flat", "paper"), default="seal")
+    parser.add_argument("--search", choices=("3d", "5d"), default="3d")
+    parser.add_argument("--restarts", type=int, default=3, help="under the constraints; none without")
     parser.add_argument("--reference-orders", type=int, default=10, help="how many the reference packs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="JSON only, no table")
     arguments = parser.parse_args()
 
+    if arguments.sizes is None:
+        arguments.sizes = [10, 16, 22, 28] if arguments.constraints == "overlap" else [10]
     grid = GridConfig()
     container = parse_container(arguments.container, read_boxes())
     catalogue = open_catalogue(arguments.catalogue)
     meshes = {name: catalogue.item(name) for name in catalogue.names}
 
     preparation = []
+    spent: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         cache = ItemCache(Path(folder))
         cache.prepare(next(iter(meshes.values())), grid)  # compiles the kernels
@@ -69,26 +125,39 @@ def main() -> int:
         items = {name: cache.get(item, grid) for name, item in meshes.items()}
         names = fitting(items, container, grid)
 
+        constrained = arguments.constraints != "overlap"
+        if constrained:
+            fields = [cpu(lambda item=item: cache.surface_field(item))[0] for item in meshes.values()]
+            preparation = [a + b for a, b in zip(preparation, fields, strict=True)]
+
         def order_from_disk(order: list[str], heuristic: str) -> Any:
             shelf = {name: cache.get(meshes[name], grid) for name in dict.fromkeys(order)}
             return pack_order(order, heuristic, shelf)
 
         def pack_order(order: list[str], heuristic: str, shelf: dict[str, Any]) -> Any:
-            return pack(
-                by_box_volume(order, shelf),
-                shelf,
-                container,
-                HEURISTICS[heuristic],
-                cell_size=grid.cell_size,
-                step=grid.step_cells,
-                seed=arguments.seed,
+            choice = PlannerChoice(
+                heuristic,
+                arguments.constraints,
+                arguments.stability,
+                arguments.search,
+                arguments.seed,
+                grasp=arguments.grasp,
+                restarts=arguments.restarts if constrained else 0,
             )
+            start = time.process_time()
+            surfaces = {name: cache.surface_field(meshes[name]) for name in shelf} if constrained else {}
+            spent["reading surfaces"] += time.process_time() - start
+            planner = assemble(choice, Shelf(meshes, shelf, surfaces), container, grid)
+            timed = tuple(Timed(constraint, spent) for constraint in planner.constraints)
+            planner = dataclasses.replace(planner, constraints=timed)
+            return planner.pack(by_box_volume(order, shelf), shelf, container)
 
-        rows = []
+        rows: list[dict[str, Any]] = []
         for size in arguments.sizes:
             orders = random_orders(names, size, arguments.orders, arguments.seed)
             for heuristic in arguments.heuristics:
                 order_from_disk(orders[0], heuristic)
+                spent.clear()
                 runs = [
                     cpu(lambda order=order, heuristic=heuristic: order_from_disk(order, heuristic))
                     for order in tqdm(orders, desc=f"{size} items, {heuristic}", disable=None)
@@ -102,13 +171,14 @@ def main() -> int:
                         "packed_share": sum(p.complete for p in packings) / len(packings),
                         "item_share": sum(len(p.placements) for p in packings) / (size * len(packings)),
                         "utilization": statistics.mean(p.utilization for p in packings),
+                        **shares(sum(seconds for seconds, _ in runs), spent),
                     }
                 )
 
         orders = random_orders(names, 10, arguments.orders, arguments.seed)
         reading = [cpu(lambda o=o: [cache.get(meshes[n], grid) for n in o])[0] for o in orders]
         compared = []
-        for order in tqdm(orders[: arguments.reference_orders], desc="reference", disable=None):
+        for order in tqdm(orders[: 0 if constrained else arguments.reference_orders], disable=None):
             theirs = reference.plan(order, meshes, items, container, grid)
             runs = [cpu(lambda order=order: order_from_disk(order, "hm")) for _ in range(5)]
             ours = statistics.median(seconds for seconds, _ in runs)
@@ -133,6 +203,7 @@ def main() -> int:
     report = {
         "catalogue": arguments.catalogue,
         "container": container.label,
+        "constraints": arguments.constraints,
         "orders": arguments.orders,
         "cpu_s_median": head.get("cpu_s_median"),
         "packed_share": head.get("packed_share"),
