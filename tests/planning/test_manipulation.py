@@ -366,8 +366,8 @@ def test_accepted_paths_are_free_of_exact_collision(meshes: list[Item], rule: st
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["seal", "anywhere"])
 def test_many_accepted_paths_are_free_of_exact_collision(meshes: list[Item], rule: str) -> None:
-    counts = np.sum([random_pile(meshes, seed, rule, every=1) for seed in range(100, 150)], axis=0)
-    assert counts[0] > 300
+    counts = np.sum([random_pile(meshes, seed, rule, every=2) for seed in range(100, 116)], axis=0)
+    assert counts[0] > 150
 
 
 # --- cases ----------------------------------------------------------------------------------------
