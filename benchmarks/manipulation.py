@@ -2,11 +2,11 @@
 
 Orders of ten items are packed by HM into the 0.32x0.32x0.30 container under non-overlap alone. At every step
 the ``--per-step`` best candidates of orientations that have grasps are checked, as the planner would:
-``check_ms`` is the median of all of them, ``feasible_ms`` of those that the robot can do, which ask everything,
+``check_ms`` is the median of all of them, ``feasible_ms`` of those that the robot can do, which ask all,
 and ``first_ms`` of the first of each step, before which the search has emptied the processor's caches.
 ``grasps_ms`` is what an orientation's grasps cost, once for each item. Times are CPU times of one thread.
 
-``ungraspable`` lists the items that no tried orientation lets the cup take, ``without_flat`` those that have no
+``ungraspable`` lists the items that the cup cannot take in any pose, ``without_flat`` those that have no
 flat spot in any; the paper's rule takes all of them, as it asks nothing of the surface.
 """
 
