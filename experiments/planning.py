@@ -38,6 +38,7 @@ from packenv.types import Container
 
 GRID = GridConfig()
 LARGE = Container(0.32, 0.32, 0.30)
+_CHOICE = ("set", "heuristic", "constraints", "stability", "search", "contacts", "grasp", "restarts")
 WITNESSES = ("hm", "dblf", "mta", "minz")
 
 
@@ -107,6 +108,7 @@ def work(job: Job) -> dict[str, Any]:
         "constraints": job.choice.constraints,
         "stability": job.choice.stability,
         "search": job.choice.search,
+        "contacts": job.choice.contacts,
         "grasp": job.choice.grasp,
         "restarts": str(job.choice.restarts),
         "index": job.index,
@@ -127,8 +129,7 @@ def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     groups = defaultdict(list)
     for row in rows:
         if "error" not in row and row["feasible"]:
-            names = ("set", "heuristic", "constraints", "stability", "search", "grasp", "restarts")
-            groups[tuple(row[name] for name in names)].append(row)
+            groups[tuple(row[name] for name in _CHOICE)].append(row)
     lines = []
     for key, group in sorted(groups.items()):
         routes: Counter[str] = Counter()
@@ -162,6 +163,7 @@ def main() -> int:
     parser.add_argument("--heuristics", nargs="+", default=["hm", "dblf", "mta"])
     parser.add_argument("--constraints", default="robot", choices=("overlap", "stability", "robot"))
     parser.add_argument("--stability", default="paper", choices=("paper", "margin"))
+    parser.add_argument("--contacts", default="surface", choices=("surface", "paper"))
     parser.add_argument("--grasp", default="seal", choices=("seal", "flat", "paper"))
     parser.add_argument("--restarts", type=int, default=3)
     parser.add_argument("--search", default="3d", choices=("3d", "5d"))
@@ -189,8 +191,10 @@ def main() -> int:
                 arguments.constraints,
                 arguments.stability,
                 arguments.search,
+                contacts=arguments.contacts,
                 grasp=arguments.grasp,
-                restarts=arguments.restarts,
+                restarts=arguments.restarts if arguments.set == "large" else 0,
+                give_up=arguments.set == "small",
             ),
             index,
             tuple(order),

@@ -139,6 +139,13 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="equilibrium, or equilibrium under gravity tilted by 5 degrees as well (default: %(default)s)",
     )
     pack.add_argument(
+        "--contacts",
+        choices=("surface", "paper"),
+        default="surface",
+        help="contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items "
+        "scaled by 1.03 overlap (default: %(default)s)",
+    )
+    pack.add_argument(
         "--grasp",
         choices=("seal", "flat", "paper"),
         default="seal",
@@ -150,7 +157,8 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         type=_count,
         default=3,
         metavar="N",
-        help="plan an incomplete order up to N times again with its leftovers first (default: %(default)s)",
+        help="plan an incomplete order up to N times again with its leftovers first; none with "
+        "--container auto (default: %(default)s)",
     )
     pack.add_argument(
         "--search",

@@ -7,7 +7,7 @@ the robot is looked for anew, and the joints that the plan states are put throug
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,17 +15,17 @@ import numpy as np
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.assembly import MARGIN_TILT_DEG, Constraints, StabilityRule
-from packenv.planning.contact_patches import thin
-from packenv.planning.contacts import Body, item_contacts, join, no_contacts
+from packenv.planning.contacts import Body, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.replay import replay
 from packenv.planning.stability import StabilityChecker
+from packenv.planning.stability_constraint import CONTACT_RULES, ContactRule
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
-from packenv.types import Contacts, Item, Placement, Plan
+from packenv.types import Contacts, Container, Item, Placement, Plan
 
 JOINT_TOLERANCE = 1e-6
 """How far the cup of the stated joints may be from its stated way, m."""
@@ -57,6 +57,7 @@ def recheck(
     *,
     constraints: Constraints,
     stability: StabilityRule,
+    contacts: ContactRule,
     grasp: GraspRule,
     cell_size: float,
 ) -> Recheck:
@@ -68,12 +69,14 @@ def recheck(
         fields: their surfaces.
         constraints: what the plan claims to keep.
         stability: by which rule it claims to be stable.
+        contacts: by which rule it finds contacts.
         grasp: by which rule it claims to be graspable.
         cell_size: of the plan's heightmaps, m.
     """
     if constraints == "overlap":
         return Recheck()
-    unstable = _unstable(plan, items, fields, MARGIN_TILT_DEG if stability == "margin" else 0.0)
+    tilt_deg = MARGIN_TILT_DEG if stability == "margin" else 0.0
+    unstable = _unstable(plan, items, fields, tilt_deg, CONTACT_RULES[contacts])
     if constraints == "stability":
         return Recheck(unstable)
     surfaces = _surfaces_before(plan, items, cell_size)
@@ -103,7 +106,11 @@ def _surfaces_before(plan: Plan, items: Mapping[str, Item], cell_size: float) ->
 
 
 def _unstable(
-    plan: Plan, items: Mapping[str, Item], fields: Mapping[str, SurfaceField], tilt_deg: float
+    plan: Plan,
+    items: Mapping[str, Item],
+    fields: Mapping[str, SurfaceField],
+    tilt_deg: float,
+    find: Callable[[Body, Sequence[Body], Container, int], Contacts],
 ) -> tuple[int, ...]:
     checker = StabilityChecker()
     bodies: list[Body] = []
@@ -114,8 +121,7 @@ def _unstable(
     for step, placement in enumerate(plan.placements, start=1):
         item = items[placement.item]
         body = Body(fields[placement.item], placement.rotation, placement.position)
-        own = item_contacts(body, bodies, plan.container, index=step)
-        contacts = join([contacts, thin(own)])
+        contacts = join([contacts, find(body, bodies, plan.container, step)])
         bodies.append(body)
         masses.append(item.mass)
         coms.append(placement.rotation @ item.com + placement.position)

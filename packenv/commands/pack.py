@@ -19,7 +19,17 @@ from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.packer import Packing, by_box_volume
 from packenv.types import Container, Item, Plan
 
-_SETTINGS = ("heuristic", "constraints", "stability", "grasp", "search", "restarts", "sequence", "seed")
+_SETTINGS = (
+    "heuristic",
+    "constraints",
+    "stability",
+    "contacts",
+    "grasp",
+    "search",
+    "restarts",
+    "sequence",
+    "seed",
+)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,8 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.stability,
         arguments.search,
         arguments.seed,
+        contacts=arguments.contacts,
         grasp=arguments.grasp,
-        restarts=arguments.restarts,
+        restarts=arguments.restarts if len(containers) == 1 else 0,
+        give_up=len(containers) > 1,
         with_margin=True,
     )
     packing = _smallest(

@@ -12,12 +12,14 @@ from packenv.commands.output import say, say_json
 from packenv.errors import PlanError
 from packenv.planning.assembly import Constraints, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
+from packenv.planning.stability_constraint import ContactRule
 from packenv.recheck import Recheck, recheck
 from packenv.types import Plan
 
 T = TypeVar("T")
 
 CONSTRAINTS: tuple[Constraints, ...] = get_args(Constraints)
+CONTACT_RULE_NAMES: tuple[ContactRule, ...] = get_args(ContactRule)
 GRASP_RULES: tuple[GraspRule, ...] = get_args(GraspRule)
 STABILITY_RULES: tuple[StabilityRule, ...] = get_args(StabilityRule)
 
@@ -27,6 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
     constraints = _claim(plan, "constraints", CONSTRAINTS, str(arguments.plan))
     stability = _claim(plan, "stability", STABILITY_RULES, str(arguments.plan))
+    contacts = _claim(plan, "contacts", CONTACT_RULE_NAMES, str(arguments.plan))
     grasp = _claim(plan, "grasp", GRASP_RULES, str(arguments.plan))
     report = audit_plan(plan, items)
     misstated = misstated_boxes(plan, items)
@@ -36,6 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         load_fields(items) if constraints != "overlap" else {},
         constraints=constraints,
         stability=stability,
+        contacts=contacts,
         grasp=grasp,
         cell_size=plan_cell_size(plan, arguments.plan),
     )

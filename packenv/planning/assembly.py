@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -17,9 +17,9 @@ from packenv.planning.orientations import perturbations
 from packenv.planning.packer import MAX_CHECKED, Planner
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.planning.stability_constraint import ContactRule, StabilityConstraint
 from packenv.robot.cell import Cell
-from packenv.types import Container, Item
+from packenv.types import Container, Item, OrientedItem
 
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
 StabilityRule: TypeAlias = Literal["paper", "margin"]
@@ -40,9 +40,11 @@ class PlannerChoice:
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
+        contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        give_up: end at the first item that finds no place, as the paper does, instead of packing the rest.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
@@ -52,8 +54,10 @@ class PlannerChoice:
     search: Search = "3d"
     seed: int = 0
     max_checked: int = MAX_CHECKED
+    contacts: ContactRule = "surface"
     grasp: GraspRule = "seal"
     restarts: int = 3
+    give_up: bool = False
     with_margin: bool = False
 
 
@@ -87,19 +91,26 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
         tilt = MARGIN_TILT_DEG if choice.stability == "margin" else 0.0
         checker = StabilityChecker()
         constraints.append(
-            StabilityConstraint(shelf.fields, masses, checker, tilt, with_margin=choice.with_margin)
+            StabilityConstraint(
+                shelf.fields, masses, checker, tilt, choice.contacts, with_margin=choice.with_margin
+            )
         )
     if choice.constraints == "robot":
         constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container)), choice.grasp))
     wider = choice.constraints != "overlap" or choice.search == "5d"
+
+    def perturbed(name: str) -> Iterator[tuple[OrientedItem, ...]]:
+        return perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid, container.size)
+
     return Planner(
         HEURISTICS[choice.heuristic],
         grid.step_cells,
         grid.cell_size,
         tuple(constraints),
-        (lambda name: perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid)) if wider else None,
+        perturbed if wider else None,
         choice.search,
         choice.max_checked,
         choice.restarts,
+        choice.give_up,
         choice.seed,
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
@@ -28,7 +29,7 @@ def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
 
 
 def perturbations(
-    item: Item, poses: Sequence[StablePose], grid: GridConfig
+    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
 ) -> Iterator[tuple[OrientedItem, ...]]:
     """Yield, for each roll and pitch offset of Alg. 4, the item at all poses and yaws, maps included.
 
@@ -39,9 +40,13 @@ def perturbations(
         item: the item.
         poses: its stable poses that are tried.
         grid: yaws and cell size.
+        size: of the container, m: an orientation whose bounding box does not fit it gets no maps and is left
+            out, but its offset is still yielded.
     """
     angles = [k * PERTURBATION for k in range(round(2 * math.pi / PERTURBATION))]
     seen: set[bytes] = set()
+    outline = item.vertices[ConvexHull(item.vertices).vertices]
+    largest = np.add(size, 1e-9)
     for roll in angles:
         for pitch in angles:
             oriented = []
@@ -55,8 +60,9 @@ def perturbations(
                     if key in seen:
                         continue
                     seen.add(key)
+                    if np.any(np.ptp(outline @ rotation.T, axis=0) > largest):
+                        continue
                     oriented.append(
                         orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw)
                     )
-            if oriented:
-                yield tuple(oriented)
+            yield tuple(oriented)

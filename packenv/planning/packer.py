@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -75,6 +76,7 @@ class Planner:
         search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once.
         max_checked: candidates of one orientation set that are put to the constraints.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        give_up: end at the first item that finds no place even in the fallback, as Alg. 4 does.
         seed: for heuristics that draw.
     """
 
@@ -86,6 +88,7 @@ class Planner:
     search: Literal["3d", "5d"] = "3d"
     max_checked: int = MAX_CHECKED
     restarts: int = 0
+    give_up: bool = False
     seed: int = 0
 
     def pack(
@@ -152,18 +155,35 @@ class _Run:
     def pack(self, sequence: Sequence[str]) -> Packing:
         """Paper Alg. 4."""
         failed: list[tuple[str, int, _Attempt]] = []
+        total = sum(self.items[name].volume for name in sequence)
+        if self.planner.give_up and total > self.container.volume:
+            name, instance = sequence[-1], sequence.count(sequence[-1])
+            left = Leftover(name, instance, "no-legal-candidate", "the items' volume exceeds the container's")
+            return Packing(self.container, (), (left,), (), 0.0)
         for name, instance in _numbered(sequence):
             attempt = self.first_pass(name, instance)
             if attempt.placement is None:
                 failed.append((name, instance, attempt))
+                if self.planner.give_up and not self.fits_alone(name):
+                    break
         leftovers = []
         for name, instance, first in failed:
             attempt = self.fall_back(name, instance, first)
             if attempt.placement is None:
                 leftovers.append(self.leftover(self.items[name], instance, attempt))
+                if self.planner.give_up:
+                    break
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(self.container, tuple(self.placements), tuple(leftovers), tuple(self.surfaces), share)
+
+    def fits_alone(self, name: str) -> bool:
+        """Whether any orientation that the planner would try fits the empty container."""
+        planner = self.planner
+        groups: Iterable[Sequence[OrientedItem]] = [self.items[name].orientations]
+        if planner.perturbations is not None:
+            groups = itertools.chain(groups, planner.perturbations(name))
+        return any(len(grid_search(self.empty, group, planner.step)) for group in groups if group)
 
     def first_pass(self, name: str, instance: int) -> _Attempt:
         """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""

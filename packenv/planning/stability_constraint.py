@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.contact_patches import thin
-from packenv.planning.contacts import THRESHOLD, Body, item_contacts, join, no_contacts
+from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.stability import StabilityChecker, StabilityResult
-from packenv.types import Contacts, FloatArray, OrientedItem
+from packenv.types import Contacts, Container, FloatArray, OrientedItem
+
+ContactRule: TypeAlias = Literal["surface", "paper"]
+
+
+def _surface_rule(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
+    return thin(item_contacts(new, others, container, index=index))
+
+
+def _paper_rule(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
+    return paper_contacts(new, others, container, index=index)
+
+
+CONTACT_RULES: Mapping[ContactRule, Callable[[Body, Sequence[Body], Container, int], Contacts]] = (
+    MappingProxyType({"surface": _surface_rule, "paper": _paper_rule})
+)
+"""``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by 1.03 that
+overlaps, merged in 1 cm cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +65,7 @@ class StabilityConstraint:
         checker: friction and solvers.
         tilt_deg: 0 asks for equilibrium (the paper's rule); above 0 the pile must also stand under gravity
             tilted by this much in eight directions.
-        threshold: largest gap that counts as contact, m.
+        contact_rule: name of the rule that finds contacts, see ``CONTACT_RULES``.
         with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
     """
 
@@ -53,7 +73,7 @@ class StabilityConstraint:
     masses: Mapping[str, float]
     checker: StabilityChecker
     tilt_deg: float = 0.0
-    threshold: float = THRESHOLD
+    contact_rule: ContactRule = "surface"
     with_margin: bool = False
 
     @property
@@ -74,10 +94,10 @@ class StabilityConstraint:
         name = trial.oriented.item
         body = Body(self.fields[name], trial.oriented.rotation, trial.position)
         index = len(state.bodies) + 1
-        own = item_contacts(body, state.bodies, surface.container, index=index, threshold=self.threshold)
+        own = CONTACT_RULES[self.contact_rule](body, state.bodies, surface.container, index)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
-        contacts = join([state.contacts, thin(own)])
+        contacts = join([state.contacts, own])
         masses = np.append(state.masses, self.masses[name])
         coms = np.vstack([state.coms, trial.com])
         balance = self._balance(contacts, masses, coms, state.balance)
