@@ -18,6 +18,9 @@ from packenv.types import FloatArray, Item, StablePose
 from tests.shapes import box, cup, cylinder
 
 GRID = GridConfig(cell_size=0.005, n_yaws=2)
+ROOM = (1.0, 1.0, 1.0)
+"""A container into which everything fits in every orientation."""
+
 N = 8
 """Steps of Δr in a full turn."""
 
@@ -100,7 +103,7 @@ def test_the_first_group_is_the_unperturbed_orientations(
 ) -> None:
     """Alg. 4 begins with t_r = t_p = 0: same sequence, same maps."""
     item = prepared[name]
-    first = next(perturbations(ITEMS[name], item.poses, GRID))
+    first = next(perturbations(ITEMS[name], item.poses, GRID, ROOM))
     assert len(first) == len(item.orientations) > 0
     for ours, stable in zip(first, item.orientations, strict=True):
         np.testing.assert_allclose(ours.rotation, stable.rotation, rtol=0, atol=1e-9)
@@ -127,10 +130,9 @@ def test_the_grid_is_that_of_alg_4_and_has_no_rotation_twice(
             for k in range(GRID.n_yaws)
         ]
     )
-    groups = list(perturbations(ITEMS[name], poses, GRID))
+    groups = list(perturbations(ITEMS[name], poses, GRID, ROOM))
     found = np.array([oriented.rotation for group in groups for oriented in group])
-    assert 0 < len(groups) <= N * N
-    assert all(groups)
+    assert len(groups) == N * N
     assert len(poses) * GRID.n_yaws <= len(found) <= len(wanted)
     assert _largest_angle_to_nearest(wanted, found) < 1e-5
     assert _largest_angle_to_nearest(found, wanted) < 1e-5
@@ -163,27 +165,44 @@ def test_a_group_has_one_roll_and_pitch_offset(name: str, prepared: dict[str, Pr
         ]
     )
     last = -1
-    for group in perturbations(ITEMS[name], poses, GRID):
+    for group in perturbations(ITEMS[name], poses, GRID, ROOM):
         fits = np.ones(N * N, dtype=bool)
         for oriented in group:
             same = grid[:, oriented.pose_index, round(oriented.yaw / (math.pi / GRID.n_yaws))]
             fits &= np.abs(same - oriented.rotation).max(axis=(1, 2)) < 1e-9
+        if not group:
+            continue
         assert fits.any()
         assert int(np.argmax(fits)) > last
         last = int(np.argmax(fits))
 
 
+@pytest.mark.parametrize("size", [(0.05, 0.05, 0.05), (0.2, 0.04, 0.2), (0.04, 0.05, 0.03), (0.01, 0.2, 0.2)])
+@pytest.mark.parametrize("name", ITEMS)
+def test_what_does_not_fit_the_container_is_left_out(
+    name: str, size: tuple[float, float, float], prepared: dict[str, PreparedItem]
+) -> None:
+    """That and nothing else, offset by offset."""
+    poses = prepared[name].poses
+    everywhere = list(perturbations(ITEMS[name], poses, GRID, ROOM))
+    fitting = list(perturbations(ITEMS[name], poses, GRID, size))
+    assert len(fitting) == len(everywhere)
+    for some, group in zip(fitting, everywhere, strict=True):
+        wanted = [o for o in group if np.all(o.extents <= np.add(size, 1e-8))]
+        assert [o.rotation.tolist() for o in some] == [o.rotation.tolist() for o in wanted]
+
+
 def test_a_rotation_of_two_poses_is_there_once() -> None:
     item = ITEMS["brick"]
     pose = StablePose(np.eye(3), 0.5, 0.015)
-    alone = sum(len(g) for g in perturbations(item, [pose], GRID))
-    twice = sum(len(g) for g in perturbations(item, [pose, pose], GRID))
+    alone = sum(len(g) for g in perturbations(item, [pose], GRID, ROOM))
+    twice = sum(len(g) for g in perturbations(item, [pose, pose], GRID, ROOM))
     assert alone == twice
 
 
 def test_maps_are_those_of_the_rotation(prepared: dict[str, PreparedItem]) -> None:
     item = ITEMS["turned brick"]
-    for group in perturbations(item, prepared["turned brick"].poses[:1], GRID):
+    for group in perturbations(item, prepared["turned brick"].poses[:1], GRID, ROOM):
         for oriented in group:
             placed = item.vertices @ oriented.rotation.T + oriented.offset
             np.testing.assert_allclose(placed.min(axis=0), 0.0, atol=1e-12)
