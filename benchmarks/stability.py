@@ -32,6 +32,7 @@ from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.equilibrium import build_equilibrium
 from packenv.planning.equilibrium_solvers import solve_cvxpy
 from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
 
@@ -73,6 +74,7 @@ def main() -> int:
     times: dict[str, list[float]] = defaultdict(list)
     decided: Counter[str] = Counter()
     questions = agreed = stable = 0
+    compared: Counter[tuple[bool, bool]] = Counter()
     contact_counts = []
     names = sorted(fitting(prepared, container, grid))
     for order in tqdm(random_orders(names, arguments.size, arguments.orders, arguments.seed)):
@@ -88,6 +90,7 @@ def main() -> int:
         masses: list[float] = []
         coms: list[Any] = []
         contacts, previous, tilted = no_contacts(), None, None
+        by_paper = no_contacts()
         for p in plan.placements:
             item = meshes[p.item]
             if p.item not in fields:
@@ -103,6 +106,12 @@ def main() -> int:
             question = (pile, [*masses, item.mass], [*coms, p.rotation @ item.com + p.position])
             solve_ms, result = timed(lambda q=question, before=previous: checker.check(*q, previous=before))
             reference = solve_cvxpy(build_equilibrium(*question))
+            paper_ms, theirs = timed(
+                lambda b=body, i=index, others=tuple(bodies): paper_contacts(b, others, container, index=i)
+            )
+            paper_pile = join([part for part in (by_paper, theirs) if len(part)])
+            verdict = checker.check(paper_pile, *question[1:]).stable
+            compared[verdict, result.stable] += 1
             questions += 1
             agreed += result.stable == (reference.status == "stable")
             stable += result.stable
@@ -110,6 +119,7 @@ def main() -> int:
             large = index >= arguments.largest
             if large:
                 times["contact"].append(contact_ms)
+                times["paper contact"].append(paper_ms)
                 times["solve"].append(solve_ms)
                 times[f"solve {result.decided_by}/{'stable' if result.stable else 'unstable'}"].append(
                     solve_ms
@@ -127,6 +137,7 @@ def main() -> int:
                 times["margin"].append(timed(lambda q=question: checker.margin(*q))[0])
             bodies.append(body)
             contacts, masses, coms, previous, tilted = *question, result, tilts
+            by_paper = paper_pile
 
     report = {
         "agreement": agreed / questions if questions else None,
@@ -144,6 +155,12 @@ def main() -> int:
         "stable_share": stable / questions if questions else None,
         "decided_by": dict(decided),
         "contacts_median": median(contact_counts),
+        "paper_contact_rule": {
+            "same_verdict": (compared[True, True] + compared[False, False]) / max(questions, 1),
+            "stable_by_the_paper_alone": compared[True, False] / max(questions, 1),
+            "stable_by_ours_alone": compared[False, True] / max(questions, 1),
+            "contact_ms": median(times["paper contact"]),
+        },
     }
     print(json.dumps(report, indent=1))
     return 0

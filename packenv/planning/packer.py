@@ -282,14 +282,15 @@ class _Run:
         """Why an item is not in the plan."""
         box = self.container.label
         rejections = dict(attempt.rejections)
+        fits = bool(len(grid_search(self.empty, item.orientations, self.planner.step)))
+        if fits and rejections and all(self.objected(o, Counter()) for o in item.orientations):
+            detail = f"{item.name} has no graspable spot in any of its stable poses"
+            return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
         if any(not reason.startswith("orientation-") for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
             return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
-        if len(grid_search(self.empty, item.orientations, self.planner.step)):
-            if rejections and all(self.objected(o, Counter()) for o in item.orientations):
-                detail = f"{item.name} has no graspable spot in any tried orientation that fits"
-                return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
+        if fits:
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
             return Leftover(item.name, instance, "no-legal-candidate", detail, rejections)
         tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
