@@ -7,7 +7,7 @@ the robot is looked for anew, and the joints that the plan states are put throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +22,10 @@ from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.replay import replay
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import CONTACT_RULES, ContactRule
+from packenv.planning.stability_constraint import ContactFinder, ContactRule, contact_finder
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
-from packenv.types import Contacts, Container, Item, Placement, Plan
+from packenv.types import Contacts, Item, Placement, Plan
 
 JOINT_TOLERANCE = 1e-6
 """How far the cup of the stated joints may be from its stated way, m."""
@@ -76,7 +76,7 @@ def recheck(
     if constraints == "overlap":
         return Recheck()
     tilt_deg = MARGIN_TILT_DEG if stability == "margin" else 0.0
-    unstable = _unstable(plan, items, fields, tilt_deg, CONTACT_RULES[contacts])
+    unstable = _unstable(plan, items, fields, tilt_deg, contact_finder(contacts, tilt_deg))
     if constraints == "stability":
         return Recheck(unstable)
     surfaces = _surfaces_before(plan, items, cell_size)
@@ -110,7 +110,7 @@ def _unstable(
     items: Mapping[str, Item],
     fields: Mapping[str, SurfaceField],
     tilt_deg: float,
-    find: Callable[[Body, Sequence[Body], Container, int], Contacts],
+    find: ContactFinder,
 ) -> tuple[int, ...]:
     checker = StabilityChecker()
     bodies: list[Body] = []
@@ -151,13 +151,18 @@ def _reachable(
 ) -> bool:
     oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
-    if not checker.check(oriented, corner, surface, generate_grasps(oriented, rule=grasp)).feasible:
+    grasps = generate_grasps(oriented, rule=grasp)
+    if not checker.check(oriented, corner, surface, grasps).feasible:
         return False
-    return _joints_match(placement, checker.cell)
+    return _stated_way_holds(placement, [corner + g.point for g in grasps], checker)
 
 
-def _joints_match(placement: Placement, cell: Cell) -> bool:
-    """Whether the stated joints are inside the limits and put the cup on its stated way."""
+def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker: ManipulationChecker) -> bool:
+    """Whether the stated joints bring the cup, holding this item, from above the rim to its place.
+
+    The grasp must be one of the item's own, the way straight down from above the rim by way of the release,
+    the joints one continuous branch within the limits with the arm clear of the rim and of itself.
+    """
     stated = placement.details.get("manipulation")
     if not isinstance(stated, Mapping):
         return False
@@ -167,9 +172,27 @@ def _joints_match(placement: Placement, cell: Cell) -> bool:
         heights = np.asarray(stated["cup_heights"], dtype=np.float64).reshape(len(joints))
     except (KeyError, TypeError, ValueError):
         return False
-    cups = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
+    cell = checker.cell
+    if len(joints) < 3 or not all(np.isfinite(a).all() for a in (joints, grasp, heights)):
+        return False
+    own = min(float(np.abs(grasp - cup).max()) for cup in cups) <= JOINT_TOLERANCE
+    ends = np.abs(heights[-2:] - (grasp[2] + np.array([checker.release, 0.0]))).max() <= JOINT_TOLERANCE
+    lowered = heights[0] - grasp[2] + placement.corner[2] >= cell.container.height
+    spaced = np.all(np.diff(heights) <= 0.0) and -np.diff(heights).min() <= 2 * checker.spacing
+    ways = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
     reached = gripper.flange_to_tool(tx90.forward(joints))
-    error = np.abs(reached[:, :3, 3] - cell.to_base(cups)).max(initial=0.0)
-    down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max(initial=0.0)
-    inside = bool(np.all(tx90.limit_margin(joints) >= 0.0))
-    return bool(len(joints) and error <= JOINT_TOLERANCE and down <= JOINT_TOLERANCE and inside)
+    error = np.abs(reached[:, :3, 3] - cell.to_base(ways)).max()
+    down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max()
+    inside = np.all(tx90.limit_margin(joints) >= -1e-9)
+    smooth = np.abs(np.diff(joints, axis=0)).max() <= tx90.MAX_STEP
+    return bool(
+        own
+        and ends
+        and lowered
+        and spaced
+        and error <= JOINT_TOLERANCE
+        and down <= JOINT_TOLERANCE
+        and inside
+        and smooth
+        and cell.arm_clear(joints[None])[0]
+    )

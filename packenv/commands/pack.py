@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 from packenv.commands.loading import load_fields, load_items, prepare_items
 from packenv.commands.output import say, say_json
@@ -27,7 +28,6 @@ _SETTINGS = (
     "grasp",
     "search",
     "restarts",
-    "sequence",
     "seed",
 )
 
@@ -57,14 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.seed,
         contacts=arguments.contacts,
         grasp=arguments.grasp,
-        restarts=arguments.restarts if len(containers) == 1 else 0,
-        give_up=len(containers) > 1,
+        restarts=arguments.restarts,
         with_margin=True,
     )
-    packing = _smallest(
-        (assemble(choice, shelf, box, grid).pack(sequence, prepared, box) for box in containers),
-        len(sequence),
-    )
+    packing, choice = _smallest(containers, choice, sequence, shelf, grid)
     plan = make_plan(
         packing,
         order.lines,
@@ -72,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         grid,
         catalogue=catalogue.label,
         unit=arguments.unit,
-        settings={name: getattr(arguments, name) for name in _SETTINGS},
+        settings={**{n: getattr(choice, n) for n in _SETTINGS}, "sequence": arguments.sequence},
     )
     _write(plan, packing, items, grid, arguments)
     if arguments.json:
@@ -82,16 +78,24 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if plan.complete else 1
 
 
-def _smallest(packings: Iterable[Packing], ordered: int) -> Packing:
-    """The first packing that holds every item; else the one that holds most, the smaller box first."""
-    best: Packing | None = None
-    for packing in packings:
-        if len(packing.placements) == ordered:
-            return packing
-        if best is None or len(packing.placements) > len(best.placements):
-            best = packing
-    assert best is not None, "there is always a container to try"
-    return best
+def _smallest(
+    containers: Sequence[Container],
+    choice: PlannerChoice,
+    sequence: Sequence[str],
+    shelf: Shelf,
+    grid: GridConfig,
+) -> tuple[Packing, PlannerChoice]:
+    """The packing in the smallest container that takes all, else in the largest; and what was chosen for it.
+
+    All but the last container are given up as soon as they are known not to do.
+    """
+    for box in containers[:-1]:
+        brisk = replace(choice, restarts=0, give_up=True)
+        packing = assemble(brisk, shelf, box, grid).pack(sequence, shelf.prepared, box)
+        if packing.complete:
+            return packing, brisk
+    box = containers[-1]
+    return assemble(choice, shelf, box, grid).pack(sequence, shelf.prepared, box), choice
 
 
 def _write(

@@ -179,11 +179,15 @@ class _Reader:
             raise self.fail(key, value, "a list")
         return value
 
-    def mapping(self, table: object, key: str) -> dict[str, Any]:
-        value = self.get(table, key, "the plan")
+    def mapping(self, table: object, key: str, where: str = "the plan") -> dict[str, Any]:
+        value = self.get(table, key, where)
         if not isinstance(value, dict):
-            raise self.fail(key, value, "a mapping")
+            raise self.fail(key if where == "the plan" else f"{where}.{key}", value, "a mapping")
         return value
+
+    def counts(self, table: object, key: str, where: str) -> dict[str, int]:
+        found = self.mapping(table, key, where)
+        return {name: self.count(found, name, f"{where}.{key}", 0) for name in found}
 
     def rotation(self, table: object, where: str) -> np.ndarray:
         quaternion = self.vector(table, "quat_xyzw", where, 4)
@@ -208,8 +212,8 @@ class _Reader:
             candidates=self.count(row, "candidates", where, 0),
             route=self.text(row, "route", where),
             checked=self.count(row, "checked", where, 0),
-            rejections=self.mapping(row, "rejections"),
-            details=self.mapping(row, "details"),
+            rejections=self.counts(row, "rejections", where),
+            details=self.mapping(row, "details", where),
         )
 
     def plan(self, document: dict[str, Any]) -> Plan:
@@ -231,7 +235,7 @@ class _Reader:
                     self.count(row, "instance", f"leftovers[{k}]", 1),
                     self.text(row, "reason", f"leftovers[{k}]"),
                     self.text(row, "detail", f"leftovers[{k}]"),
-                    self.mapping(row, "rejections"),
+                    self.counts(row, "rejections", f"leftovers[{k}]"),
                 )
                 for k, row in enumerate(self.rows(document, "leftovers"))
             ),

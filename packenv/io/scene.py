@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,19 +164,31 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
     figures: dict[str, object] = {"Checked": placement.checked}
     if placement.rejections:
         figures["Rejected"] = dict(placement.rejections)
-    stability = placement.details.get("stability")
-    if isinstance(stability, Mapping):
-        figures["Contacts"] = stability.get("contacts")
-        if "margin_deg" in stability:
-            figures["Tilt margin"] = f"{stability['margin_deg']:.1f}°"
-        figures["Forces on it"] = [
-            f"{math.hypot(*force['force']):.2f} N at {_millimetres(np.array(force['at'])).replace(' ×', ',')}"
-            for force in stability.get("forces", ())
-        ]
-    manipulation = placement.details.get("manipulation")
-    if isinstance(manipulation, Mapping):
-        grasp = _millimetres(np.array(manipulation["grasp"])).replace(" ×", ",")
-        figures["Grasp"] = f"{manipulation['grasp_kind']}, {grasp}"
-        joints = ", ".join(f"{math.degrees(q):.1f}°" for q in manipulation["joints"][-1])
-        figures["Joints"] = joints
+    for name, describe in (("stability", _stability_figures), ("manipulation", _manipulation_figures)):
+        details = placement.details.get(name)
+        if isinstance(details, Mapping):
+            try:
+                figures.update(describe(details))
+            except (KeyError, TypeError, ValueError, IndexError):
+                figures[name.capitalize()] = "not as RobotPack writes it"
     return figures
+
+
+def _stability_figures(details: Mapping[str, Any]) -> dict[str, object]:
+    figures: dict[str, object] = {"Contacts": details["contacts"]}
+    if "margin_deg" in details:
+        figures["Tilt margin"] = f"{float(details['margin_deg']):.1f}°"
+    figures["Forces on it"] = [
+        f"{math.hypot(*force['force']):.2f} N at {_point(force['at'])}" for force in details["forces"]
+    ]
+    return figures
+
+
+def _manipulation_figures(details: Mapping[str, Any]) -> dict[str, object]:
+    joints = ", ".join(f"{math.degrees(q):.1f}°" for q in details["joints"][-1])
+    return {"Grasp": f"{details['grasp_kind']}, {_point(details['grasp'])}", "Joints": joints}
+
+
+def _point(at: Sequence[float]) -> str:
+    """A point in m as ``12.0, 34.5, 6.0 mm``."""
+    return _millimetres(np.array([float(v) for v in at])).replace(" ×", ",")

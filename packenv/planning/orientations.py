@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
@@ -18,13 +17,15 @@ PERTURBATION = math.pi / 4
 
 
 def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
-    """Angles (γ, φ, ψ) of a (3, 3) rotation R_z(γ) R_y(φ) R_x(ψ), rad."""
-    phi = math.asin(min(1.0, max(-1.0, -float(rotation[2, 0]))))
-    if abs(math.cos(phi)) < 1e-9:
-        # At the pole γ and ψ turn about one axis; all of it is given to γ.
-        return math.atan2(-float(rotation[0, 1]), float(rotation[1, 1])), phi, 0.0
+    """Angles (γ, φ, ψ) of a (3, 3) rotation R_z(γ) R_y(φ) R_x(ψ), rad.
+
+    γ first, the others from what is left after it is turned back: so they fit together at the poles too,
+    where γ alone is arbitrary.
+    """
     gamma = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
-    psi = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    left = axis_rotation(2, -gamma) @ rotation
+    phi = math.atan2(-float(left[2, 0]), float(left[0, 0]))
+    psi = math.atan2(-float(left[1, 2]), float(left[1, 1]))
     return gamma, phi, psi
 
 
@@ -45,6 +46,8 @@ def perturbations(
     """
     angles = [k * PERTURBATION for k in range(round(2 * math.pi / PERTURBATION))]
     seen: set[bytes] = set()
+    from scipy.spatial import ConvexHull  # a third of a second, and most plans need no fallback
+
     outline = item.vertices[ConvexHull(item.vertices).vertices]
     largest = np.add(size, 1e-9)
     for roll in angles:

@@ -20,6 +20,9 @@ from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placeme
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
 
+_ORIENTATION = "orientation-"
+"""Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
+
 _WORTH_A_RESTART = ("no-legal-candidate", "no-packable-candidate")
 
 MAX_CHECKED = 100
@@ -76,7 +79,7 @@ class Planner:
         search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once.
         max_checked: candidates of one orientation set that are put to the constraints.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
-        give_up: end at the first item that finds no place even in the fallback, as Alg. 4 does.
+        give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
         seed: for heuristics that draw.
     """
 
@@ -155,27 +158,30 @@ class _Run:
     def pack(self, sequence: Sequence[str]) -> Packing:
         """Paper Alg. 4."""
         failed: list[tuple[str, int, _Attempt]] = []
-        total = sum(self.items[name].volume for name in sequence)
-        if self.planner.give_up and total > self.container.volume:
-            name, instance = sequence[-1], sequence.count(sequence[-1])
-            left = Leftover(name, instance, "no-legal-candidate", "the items' volume exceeds the container's")
-            return Packing(self.container, (), (left,), (), 0.0)
-        for name, instance in _numbered(sequence):
+        pieces = list(_numbered(sequence))
+        if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
+            return self.given_up(pieces, "the items' volume exceeds the container's")
+        for name, instance in pieces:
             attempt = self.first_pass(name, instance)
             if attempt.placement is None:
                 failed.append((name, instance, attempt))
                 if self.planner.give_up and not self.fits_alone(name):
-                    break
+                    return self.given_up(pieces, f"{name} does not fit the empty container")
         leftovers = []
         for name, instance, first in failed:
             attempt = self.fall_back(name, instance, first)
             if attempt.placement is None:
                 leftovers.append(self.leftover(self.items[name], instance, attempt))
                 if self.planner.give_up:
-                    break
+                    return self.given_up(pieces, leftovers[0].detail)
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(self.container, tuple(self.placements), tuple(leftovers), tuple(self.surfaces), share)
+
+    def given_up(self, pieces: Sequence[tuple[str, int]], why: str) -> Packing:
+        """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
+        lost = tuple(Leftover(name, instance, "given-up", why) for name, instance in pieces)
+        return Packing(self.container, (), lost, (), 0.0)
 
     def fits_alone(self, name: str) -> bool:
         """Whether any orientation that the planner would try fits the empty container."""
@@ -248,7 +254,7 @@ class _Run:
                     score=float(scores[index]),
                     candidates=len(candidates),
                     route=route,
-                    checked=sum(counts.values()) + 1,
+                    checked=sum(n for r, n in counts.items() if not r.startswith(_ORIENTATION)) + 1,
                     rejections=dict(counts),
                     details=details,
                 )
@@ -264,7 +270,7 @@ class _Run:
         for constraint in self.planner.constraints:
             reason = constraint.objection(oriented)
             if reason is not None:
-                counts[f"orientation-{reason}"] += 1
+                counts[f"{_ORIENTATION}{reason}"] += 1
                 return True
         return False
 
@@ -282,15 +288,15 @@ class _Run:
         """Why an item is not in the plan."""
         box = self.container.label
         rejections = dict(attempt.rejections)
-        fits = bool(len(grid_search(self.empty, item.orientations, self.planner.step)))
-        if fits and rejections and all(self.objected(o, Counter()) for o in item.orientations):
-            detail = f"{item.name} has no graspable spot in any of its stable poses"
+        fitting = [o for o in item.orientations if len(grid_search(self.empty, [o], self.planner.step))]
+        if fitting and all(self.objected(o, Counter()) for o in fitting):
+            detail = f"{item.name} has no graspable spot in any stable pose that fits"
             return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
-        if any(not reason.startswith("orientation-") for reason in rejections):
+        if any(not reason.startswith(_ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
             return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
-        if fits:
+        if fitting:
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
             return Leftover(item.name, instance, "no-legal-candidate", detail, rejections)
         tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.planning.constraints import Trial, Verdict
-from packenv.planning.contact_patches import thin
+from packenv.planning.contact_patches import thin, tighten
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.paper_contacts import paper_contacts
@@ -19,21 +18,25 @@ from packenv.planning.stability import StabilityChecker, StabilityResult
 from packenv.types import Contacts, Container, FloatArray, OrientedItem
 
 ContactRule: TypeAlias = Literal["surface", "paper"]
+ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
 
 
-def _surface_rule(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
-    return thin(item_contacts(new, others, container, index=index))
+def contact_finder(rule: ContactRule, tilt_deg: float) -> ContactFinder:
+    """How contacts of a new item with the pile are found.
 
-
-def _paper_rule(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
-    return paper_contacts(new, others, container, index=index)
-
-
-CONTACT_RULES: Mapping[ContactRule, Callable[[Body, Sequence[Body], Container, int], Contacts]] = (
-    MappingProxyType({"surface": _surface_rule, "paper": _paper_rule})
-)
-"""``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by 1.03 that
-overlaps, merged in 1 cm cells."""
+    Args:
+        rule: ``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by
+            1.03 that overlaps, merged in 1 cm cells.
+        tilt_deg: above 0, surface contacts are tightened to those that touch first: a margin on contacts that
+            only the threshold bridges would be no margin.
+    """
+    if rule == "paper":
+        return lambda new, others, container, index: paper_contacts(new, others, container, index=index)
+    if tilt_deg > 0.0:
+        return lambda new, others, container, index: thin(
+            tighten(item_contacts(new, others, container, index=index))
+        )
+    return lambda new, others, container, index: thin(item_contacts(new, others, container, index=index))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,7 @@ class StabilityConstraint:
         checker: friction and solvers.
         tilt_deg: 0 asks for equilibrium (the paper's rule); above 0 the pile must also stand under gravity
             tilted by this much in eight directions.
-        contact_rule: name of the rule that finds contacts, see ``CONTACT_RULES``.
+        contact_rule: name of the rule that finds contacts, see :func:`contact_finder`.
         with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
     """
 
@@ -94,7 +97,8 @@ class StabilityConstraint:
         name = trial.oriented.item
         body = Body(self.fields[name], trial.oriented.rotation, trial.position)
         index = len(state.bodies) + 1
-        own = CONTACT_RULES[self.contact_rule](body, state.bodies, surface.container, index)
+        find = contact_finder(self.contact_rule, self.tilt_deg)
+        own = find(body, state.bodies, surface.container, index)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
@@ -126,7 +130,7 @@ class StabilityConstraint:
             ],
         }
         if self.with_margin:
-            margin = self.checker.margin(contacts, masses, coms, free=[index])
+            margin = self.checker.margin(tighten(contacts), masses, coms, free=[index])
             details["margin_deg"] = round(margin.tilt_deg, 3)
         return details
 
