@@ -254,8 +254,12 @@ def test_a_failing_solver_is_asked_another_way(monkeypatch):
     assert len(asked) == 2
 
 
-def test_where_all_of_highs_fails_the_reference_is_asked(monkeypatch):
+def test_where_all_of_highs_fails_least_squares_and_then_the_reference_are_asked(monkeypatch):
     monkeypatch.setattr(solvers, "_whole", lambda eq, options: Solution("undecided", "highs"))
+    for d, expected in ((-0.01, "stable"), (0.01, "unstable")):
+        answer = solve_highs(build(piles.overhang(d)))
+        assert (answer.status, answer.solver) == (expected, "nnls")
+    monkeypatch.setattr(solvers, "_fit", lambda eq: Solution("undecided", "nnls"))
     for d, expected in ((-0.01, "stable"), (0.01, "unstable")):
         answer = solve_highs(build(piles.overhang(d)))
         assert answer.status == expected
