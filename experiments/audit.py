@@ -7,7 +7,6 @@ Stopped and started again with the same ``--out``, it goes on where it was.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import statistics
 import sys
@@ -22,7 +21,7 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import RowFile
+from experiments.rows import RowFile, row_key
 from experiments.workers import run_jobs
 from packenv import __version__
 from packenv.audit import audit_plan, misstated_boxes
@@ -54,7 +53,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return hashlib.sha256(repr((__version__, GRID, self)).encode()).hexdigest()[:24]
+        return row_key(__version__, GRID, self)
 
 
 class _Worker:

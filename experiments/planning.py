@@ -10,7 +10,6 @@ feasible are those whose items each fit the largest box alone. Stopped and start
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import statistics
 import sys
@@ -25,7 +24,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import RowFile
+from experiments.rows import RowFile, row_key
 from experiments.workers import run_jobs
 from packenv import __version__
 from packenv.config import GridConfig
@@ -55,7 +54,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return hashlib.sha256(repr((__version__, GRID, self)).encode()).hexdigest()[:24]
+        return row_key(__version__, GRID, self)
 
 
 class _Worker:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+
+def row_key(*parts: object) -> str:
+    """Hash of all that a row depends on, by their representations."""
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 class RowFile:

@@ -135,8 +135,6 @@ class _Attempt:
     """What came of one call of packOneItem."""
 
     placement: Placement | None
-    pile: Pile
-    legal: int
     rejections: Counter[str]
 
 
@@ -205,13 +203,12 @@ class _Run:
         if planner.perturbations is None or planner.search == "5d":
             return first
         rejections = Counter(first.rejections)
-        legal = first.legal
         for k, group in enumerate(planner.perturbations(name)):
             attempt = self.attempt(name, instance, group, "later" if k == 0 else "5d", rejections)
             if attempt.placement is not None:
                 return attempt
-            rejections, legal = attempt.rejections, legal + attempt.legal
-        return _Attempt(None, self.pile, legal, rejections)
+            rejections = attempt.rejections
+        return _Attempt(None, rejections)
 
     def attempt(
         self,
@@ -225,10 +222,10 @@ class _Run:
         counts = Counter(rejections or ())
         possible = [o for o in orientations if not self.objected(o, counts)]
         if not possible:
-            return _Attempt(None, self.pile, 0, counts)
+            return _Attempt(None, counts)
         candidates = grid_search(self.pile.surface, possible, self.planner.step)
         if not len(candidates):
-            return _Attempt(None, self.pile, 0, counts)
+            return _Attempt(None, counts)
         scores = self.planner.heuristic(candidates, self.rng)
         for index in self.ranked(scores):
             trial = _trial(candidates, index)
@@ -262,8 +259,8 @@ class _Run:
                 self.pile = Pile(surface, tuple(states))
                 self.placements.append(placement)
                 self.surfaces.append(surface)
-                return _Attempt(placement, self.pile, len(candidates), counts)
-        return _Attempt(None, self.pile, len(candidates), counts)
+                return _Attempt(placement, counts)
+        return _Attempt(None, counts)
 
     def objected(self, oriented: OrientedItem, counts: Counter[str]) -> bool:
         """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""
