@@ -31,6 +31,7 @@ from packenv.planning.contact_patches import thin
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.equilibrium import build_equilibrium
 from packenv.planning.equilibrium_solvers import solve_cvxpy
+from packenv.planning.margins import MarginRule, check_margin, measure_margin
 from packenv.planning.packer import by_box_volume, pack
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.scores import HEURISTICS
@@ -57,7 +58,8 @@ def main() -> int:
     parser.add_argument("--orders", type=int, default=20)
     parser.add_argument("--size", type=int, default=14, help="items of an order, those that fall included")
     parser.add_argument("--largest", type=int, default=8, help="smallest pile that the medians count")
-    parser.add_argument("--tilt", type=float, default=5.0, help="degrees, of the margin rule")
+    parser.add_argument("--tilt", type=float, default=MarginRule.tilt_deg, help="of the margin rule, degrees")
+    parser.add_argument("--mu", type=float, default=MarginRule.mu, help="friction of the margin rule")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="accepted for symmetry: output is always JSON")
     arguments = parser.parse_args()
@@ -70,6 +72,7 @@ def main() -> int:
     prepared = {name: cache.prepare(mesh, grid) for name, mesh in meshes.items()}
     fields: dict[str, SurfaceField] = {}
     checker = StabilityChecker()
+    rule = MarginRule(arguments.tilt, arguments.mu)
 
     times: dict[str, list[float]] = defaultdict(list)
     decided: Counter[str] = Counter()
@@ -128,13 +131,11 @@ def main() -> int:
             if not result.stable:
                 continue
             rule_ms, tilts = timed(
-                lambda q=question, before=tilted: checker.check_margin(
-                    *q, previous=before, tilt_deg=arguments.tilt
-                )
+                lambda q=question, before=tilted: check_margin(checker, *q, rule, previous=before)
             )
             if large:
                 times["margin rule"].append(rule_ms)
-                times["margin"].append(timed(lambda q=question: checker.margin(*q))[0])
+                times["margin"].append(timed(lambda q=question: measure_margin(checker, *q))[0])
             bodies.append(body)
             contacts, masses, coms, previous, tilted = *question, result, tilts
             by_paper = paper_pile

@@ -14,12 +14,13 @@ import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
-from packenv.planning.assembly import MARGIN_TILT_DEG, Constraints, StabilityRule
+from packenv.planning.assembly import Constraints, StabilityRule, margin_rule
 from packenv.planning.contacts import Body, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.margins import MarginRule, check_margin
 from packenv.planning.replay import replay
 from packenv.planning.stability import StabilityChecker
 from packenv.planning.stability_constraint import ContactFinder, ContactRule, contact_finder
@@ -75,8 +76,8 @@ def recheck(
     """
     if constraints == "overlap":
         return Recheck()
-    tilt_deg = MARGIN_TILT_DEG if stability == "margin" else 0.0
-    unstable = _unstable(plan, items, fields, tilt_deg, contact_finder(contacts, tilt_deg))
+    rule = margin_rule(stability)
+    unstable = _unstable(plan, items, fields, rule, contact_finder(contacts, tight=rule is not None))
     if constraints == "stability":
         return Recheck(unstable)
     surfaces = _surfaces_before(plan, items, cell_size)
@@ -109,7 +110,7 @@ def _unstable(
     plan: Plan,
     items: Mapping[str, Item],
     fields: Mapping[str, SurfaceField],
-    tilt_deg: float,
+    rule: MarginRule | None,
     find: ContactFinder,
 ) -> tuple[int, ...]:
     checker = StabilityChecker()
@@ -125,7 +126,7 @@ def _unstable(
         bodies.append(body)
         masses.append(item.mass)
         coms.append(placement.rotation @ item.com + placement.position)
-        if not _stands(checker, contacts, masses, coms, tilt_deg):
+        if not _stands(checker, contacts, masses, coms, rule):
             failed.append(step)
     return tuple(failed)
 
@@ -135,10 +136,10 @@ def _stands(
     contacts: Contacts,
     masses: Sequence[float],
     coms: Sequence[np.ndarray],
-    tilt_deg: float,
+    rule: MarginRule | None,
 ) -> bool:
-    if tilt_deg > 0.0:
-        return checker.check_margin(contacts, masses, np.array(coms), tilt_deg=tilt_deg)[-1].stable
+    if rule is not None:
+        return check_margin(checker, contacts, masses, np.array(coms), rule)[-1].stable
     return checker.check(contacts, masses, np.array(coms)).stable
 
 

@@ -234,7 +234,7 @@ def test_near_the_edge_only_the_paper_s_rule_is_content(
 ) -> None:
     """A brick 4 cm high whose centre of mass is d inside the edge stands up to a tilt of atan(d / 2 cm).
 
-    5 mm: 14°; 1 mm: 2.9°, less than the margin's 5°.
+    5 mm: 14°; 1 mm: 2.9°, less than the margin's 8°.
     """
     plan = pile(put("book", 0.02, 0.06, 0.0), put("brick", 0.04 + overhang, 0.07, 0.02))
     assert again(plan, shelf, "stability", "paper").ok == paper

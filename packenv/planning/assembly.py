@@ -13,6 +13,7 @@ from packenv.planning.constraints import Constraint
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.manipulation_constraint import ManipulationConstraint
+from packenv.planning.margins import MarginRule
 from packenv.planning.orientations import perturbations
 from packenv.planning.packer import MAX_CHECKED, Planner
 from packenv.planning.scores import HEURISTICS
@@ -25,8 +26,8 @@ Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
 StabilityRule: TypeAlias = Literal["paper", "margin"]
 Search: TypeAlias = Literal["3d", "5d"]
 
-MARGIN_TILT_DEG = 5.0
-"""Tilt of gravity that a pile survives under ``--stability margin``."""
+MARGIN = MarginRule()
+"""What a pile survives under ``--stability margin``."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class PlannerChoice:
     Attributes:
         heuristic: name of the positioning heuristic.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
-        stability: ``paper``: equilibrium; ``margin``: equilibrium under gravity tilted by 5° as well.
+        stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity,
+            see :class:`~packenv.planning.margins.MarginRule`.
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
@@ -76,6 +78,11 @@ class Shelf:
     fields: Mapping[str, SurfaceField]
 
 
+def margin_rule(stability: StabilityRule) -> MarginRule | None:
+    """What a stability rule asks for beyond equilibrium."""
+    return MARGIN if stability == "margin" else None
+
+
 def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig) -> Planner:
     """The planner that a choice names.
 
@@ -88,11 +95,15 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
     constraints: list[Constraint] = []
     if choice.constraints != "overlap":
         masses = {name: item.mass for name, item in shelf.meshes.items()}
-        tilt = MARGIN_TILT_DEG if choice.stability == "margin" else 0.0
         checker = StabilityChecker()
         constraints.append(
             StabilityConstraint(
-                shelf.fields, masses, checker, tilt, choice.contacts, with_margin=choice.with_margin
+                shelf.fields,
+                masses,
+                checker,
+                margin_rule(choice.stability),
+                choice.contacts,
+                with_margin=choice.with_margin,
             )
         )
     if choice.constraints == "robot":

@@ -139,33 +139,40 @@ def _farthest(points, members, m, start):  # type: ignore[no-untyped-def]
 
 
 TOUCHING = 5e-5
-"""Contacts of one pair and one side whose gap is within this of the nearest one's really touch, m."""
+"""Contacts of one pair and one side whose gap is within this of a nearer one's touch together with it, m."""
+
+ROCKING = 0.03
+"""Tangent of the angle by which an item may rock until its next contact touches: 1.7°."""
 
 
-def tighten(contacts: Contacts, *, slack: float = TOUCHING) -> Contacts:
-    """Keep, of each pair of bodies and each side, the contacts that touch first.
+def tighten(contacts: Contacts, *, slack: float = TOUCHING, rocking: float = ROCKING) -> Contacts:
+    """Keep, of each pair of bodies and each side, the contacts that can touch together.
 
     Everything within the contact threshold of 1.5 mm gives a ball a foot of several millimetres, on which it
-    withstands a tilt that no ball withstands. Rigid bodies touch where the gap is smallest; the rest of the
-    threshold only bridges the gap that conservative heightmaps leave. Sides are told apart by the dominant
-    axis of the normal, so a nested item keeps its contacts all around.
+    withstands a tilt that no ball withstands. Rigid bodies touch where the gap is smallest, then rock by the
+    gap over the distance until the next contact touches. So a contact stays unless another one is nearer by
+    more than ``slack`` and more than they could make up for by rocking. A box on an uneven bed keeps its
+    corners; a ball of any size keeps a foot that is seen from its centre under about the angle of rocking, so
+    a margin of some more tilt rejects it. Sides are told apart by the dominant axis of the normal, so a
+    nested item keeps its contacts all around.
 
     Args:
         contacts: with their gaps.
-        slack: how much farther than the nearest contact still counts, m.
+        slack: difference of gaps that means nothing, m.
+        rocking: further difference for each metre of distance.
 
     Returns:
-        a subset of the contacts.
+        a subset of the contacts, in their sequence.
     """
     if not len(contacts):
         return contacts
     axis = np.abs(contacts.normals).argmax(axis=1)
     sign = contacts.normals[np.arange(len(contacts)), axis] > 0
-    groups = np.column_stack([contacts.first, contacts.second, axis, sign])
-    _, group = np.unique(groups, axis=0, return_inverse=True)
-    nearest = np.full(group.max() + 1, np.inf)
-    np.minimum.at(nearest, group.ravel(), contacts.gaps)
-    keep = contacts.gaps <= nearest[group.ravel()] + slack
+    bodies = int(max(contacts.first.max(), contacts.second.max())) + 1
+    groups = ((contacts.first * bodies + contacts.second) * 3 + axis) * 2 + sign
+    keep = np.zeros(len(contacts), np.bool_)
+    order = np.lexsort((contacts.gaps, groups))
+    _mark_touching(order, groups, contacts.points, contacts.gaps, slack, rocking, keep)
     return Contacts(
         contacts.points[keep],
         contacts.normals[keep],
@@ -173,3 +180,34 @@ def tighten(contacts: Contacts, *, slack: float = TOUCHING) -> Contacts:
         contacts.second[keep],
         contacts.gaps[keep],
     )
+
+
+@compiled
+def _mark_touching(order, groups, points, gaps, slack, rocking, keep):  # type: ignore[no-untyped-def]
+    """Set ``keep`` for contacts that no nearer one of their group excludes.
+
+    By the triangle inequality what an excluded contact excludes is excluded by a kept one as well, so only
+    kept ones are asked, nearest first.
+    """
+    kept = np.empty(len(order), np.int64)
+    count = 0
+    for place in range(len(order)):
+        i = order[place]
+        if place == 0 or groups[i] != groups[order[place - 1]]:
+            count = 0
+        touching = True
+        for m in range(count):
+            j = kept[m]
+            excess = gaps[i] - gaps[j] - slack
+            if excess <= 0.0:
+                break
+            d = 0.0
+            for axis in range(3):
+                d += (points[i, axis] - points[j, axis]) ** 2
+            if excess * excess > rocking * rocking * d:
+                touching = False
+                break
+        if touching:
+            keep[i] = True
+            kept[count] = i
+            count += 1

@@ -13,6 +13,7 @@ from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.contact_patches import thin, tighten
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.stability import StabilityChecker, StabilityResult
 from packenv.types import Contacts, Container, FloatArray, OrientedItem
@@ -21,18 +22,18 @@ ContactRule: TypeAlias = Literal["surface", "paper"]
 ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
 
 
-def contact_finder(rule: ContactRule, tilt_deg: float) -> ContactFinder:
+def contact_finder(rule: ContactRule, *, tight: bool) -> ContactFinder:
     """How contacts of a new item with the pile are found.
 
     Args:
         rule: ``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by
             1.03 that overlaps, merged in 1 cm cells.
-        tilt_deg: above 0, surface contacts are tightened to those that touch first: a margin on contacts that
-            only the threshold bridges would be no margin.
+        tight: tighten surface contacts to those that can touch together: a margin on contacts that only the
+            threshold bridges would be no margin.
     """
     if rule == "paper":
         return lambda new, others, container, index: paper_contacts(new, others, container, index=index)
-    if tilt_deg > 0.0:
+    if tight:
         return lambda new, others, container, index: thin(
             tighten(item_contacts(new, others, container, index=index))
         )
@@ -66,8 +67,8 @@ class StabilityConstraint:
         fields: surface of every item of the order, by name.
         masses: kg, by name.
         checker: friction and solvers.
-        tilt_deg: 0 asks for equilibrium (the paper's rule); above 0 the pile must also stand under gravity
-            tilted by this much in eight directions.
+        rule: what more the pile must survive than gravity as it is; None asks for equilibrium alone (the
+            paper's rule).
         contact_rule: name of the rule that finds contacts, see :func:`contact_finder`.
         with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
     """
@@ -75,7 +76,7 @@ class StabilityConstraint:
     fields: Mapping[str, SurfaceField]
     masses: Mapping[str, float]
     checker: StabilityChecker
-    tilt_deg: float = 0.0
+    rule: MarginRule | None = None
     contact_rule: ContactRule = "surface"
     with_margin: bool = False
 
@@ -97,7 +98,7 @@ class StabilityConstraint:
         name = trial.oriented.item
         body = Body(self.fields[name], trial.oriented.rotation, trial.position)
         index = len(state.bodies) + 1
-        find = contact_finder(self.contact_rule, self.tilt_deg)
+        find = contact_finder(self.contact_rule, tight=self.rule is not None)
         own = find(body, state.bodies, surface.container, index)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
@@ -107,20 +108,27 @@ class StabilityConstraint:
         balance = self._balance(contacts, masses, coms, state.balance)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
-        details = self._details(contacts, masses, coms, balance[0], index)
+        details = self._details(contacts, masses, coms, balance, index)
         pile = PileState((*state.bodies, body), masses, coms, contacts, balance)
         return Verdict(True, state=pile, details=details)
 
     def _details(
-        self, contacts: Contacts, masses: FloatArray, coms: FloatArray, balance: StabilityResult, index: int
+        self,
+        contacts: Contacts,
+        masses: FloatArray,
+        coms: FloatArray,
+        balance: tuple[StabilityResult, ...],
+        index: int,
     ) -> dict[str, object]:
         """Where the new item is touched, with which forces on it, and how far it is from falling."""
         touching = (contacts.first == index) | (contacts.second == index)
-        assert balance.forces is not None
-        forces = balance.forces[touching] * np.where(contacts.second[touching] == index, 1.0, -1.0)[:, None]
+        forces = (
+            upright_forces(balance)[touching]
+            * np.where(contacts.second[touching] == index, 1.0, -1.0)[:, None]
+        )
         loaded = np.linalg.norm(forces, axis=1) > 1e-6 * masses[-1]
         details: dict[str, object] = {
-            "decided_by": balance.decided_by,
+            "decided_by": balance[0].decided_by,
             "contacts": int(touching.sum()),
             "forces": [
                 {"at": [round(v, 6) for v in at], "force": [round(v, 6) for v in force]}
@@ -130,8 +138,8 @@ class StabilityConstraint:
             ],
         }
         if self.with_margin:
-            margin = self.checker.margin(tighten(contacts), masses, coms, free=[index])
-            details["margin_deg"] = round(margin.tilt_deg, 3)
+            survived = measure_margin(self.checker, tighten(contacts), masses, coms, free=[index])
+            details["margin_deg"] = round(survived.tilt_deg, 3)
         return details
 
     def _balance(
@@ -141,8 +149,6 @@ class StabilityConstraint:
         coms: FloatArray,
         previous: tuple[StabilityResult, ...],
     ) -> tuple[StabilityResult, ...]:
-        if self.tilt_deg > 0.0:
-            return self.checker.check_margin(
-                contacts, masses, coms, previous=previous or None, tilt_deg=self.tilt_deg
-            )
+        if self.rule is not None:
+            return check_margin(self.checker, contacts, masses, coms, self.rule, previous=previous or None)
         return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)

@@ -17,11 +17,12 @@ from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json
-from packenv.planning.assembly import MARGIN_TILT_DEG, PlannerChoice, Shelf, assemble
+from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble
 from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.margins import check_margin
 from packenv.planning.orientations import perturbations
 from packenv.planning.packer import Packing, Planner
 from packenv.planning.scores import HEURISTICS
@@ -494,6 +495,99 @@ def test_more_orientations_never_score_worse(heuristic: str, shelf: Shelf) -> No
         assert scores["5d"] <= scores["3d"] + 1e-9
 
 
+def plain_5d(
+    shelf: Shelf, names: Sequence[str], judge: Judge, heuristic: str, max_checked: int
+) -> list[tuple[Any, ...]]:
+    """The 5D search without any short cut: every candidate scored, sorted, and asked in turn.
+
+    Returns, for each item, (corner, rotation, score, candidates, rejections); without a place, rejections.
+    """
+    surface, state = ContainerMap.empty(BOX, GRID.cell_size), judge.start()
+    rng = np.random.default_rng(0)
+    answers: list[tuple[Any, ...]] = []
+    for name in names:
+        everything = [o for group in _groups(shelf, name) for o in group]
+        found = searched(surface, everything)
+        scores = HEURISTICS[heuristic](found, rng)
+        rejections, objected = Counter[str](), set()
+        placed = None
+        for k in np.argsort(scores, kind="stable"):
+            if rejections["no"] == max_checked:
+                break
+            trial = Trial(
+                found.grids[found.grid_index[k]].oriented,
+                int(found.ix[k]),
+                int(found.iy[k]),
+                float(found.z[k]),
+            )
+            if judge.objects_to(trial.oriented):
+                objected.add(trial.oriented)
+            elif judge.rule(trial, state):
+                placed = (trial, float(scores[k]))
+                break
+            else:
+                rejections["no"] += 1
+        rejections["orientation-objection"] = len(objected)
+        if placed is None:
+            answers.append((dict(+rejections),))
+            continue
+        trial, score = placed
+        surface = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+        state = (*state, trial)
+        answers.append(
+            (trial.corner.tolist(), trial.oriented.rotation.tolist(), score, len(found), dict(+rejections))
+        )
+    return answers
+
+
+def picky(share: float) -> Callable[[OrientedItem], bool]:
+    """Object to this share of orientations, the same ones at every call."""
+
+    def objects(oriented: OrientedItem) -> bool:
+        digest = np.frombuffer((np.round(oriented.rotation, 4) + 0.0).tobytes(), dtype=np.uint32)
+        return bool(np.random.default_rng([int(d) for d in digest]).random() < share)
+
+    return objects
+
+
+@pytest.mark.parametrize("heuristic", sorted(HEURISTICS))
+@pytest.mark.parametrize(
+    ("rejected", "objected", "max_checked"),
+    [(0.0, 0.0, 100), (0.9, 0.3, 100), (0.97, 0.97, 20), (0.9, 0.9, 3), (0.5, 1.0, 5), (1.0, 0.5, 7)],
+)
+def test_the_5d_search_is_the_plain_search(
+    rejected: float, objected: float, max_checked: int, heuristic: str, shelf: Shelf
+) -> None:
+    """Same places, same scores, same counts, though few orientations are asked about."""
+    names = ["book", "can", "cup", "brick", "tile"]
+    judge = Judge(by_lot(rejected), objects_to=picky(objected))
+    planned = planner(shelf, judge, heuristic=heuristic, search="5d", max_checked=max_checked)
+    packing = planned.pack(names, shelf.prepared, BOX)
+    wanted = dict(zip(names, plain_5d(shelf, names, judge, heuristic, max_checked), strict=True))
+    assert len(packing.placements) + len(packing.leftovers) == len(names)
+    for p in packing.placements:
+        found = (p.corner.tolist(), p.rotation.tolist(), p.score, p.candidates, p.rejections)
+        assert found == wanted[p.item]
+    for left in packing.leftovers:
+        assert (left.rejections,) == wanted[left.item]
+
+
+@pytest.mark.parametrize("heuristic", ["hm", "dblf", "mta", "minz"])
+def test_asking_late_and_asking_first_place_alike(heuristic: str, shelf: Shelf) -> None:
+    """As if the orientations that are objected to were not there."""
+    names = ["book", "can", "cup", "brick"]
+    late = planner(
+        shelf, Judge(by_lot(0.8), objects_to=picky(0.8)), heuristic=heuristic, search="5d", max_checked=30
+    ).pack(names, shelf.prepared, BOX)
+    without = dataclasses.replace(
+        planner(shelf, Judge(by_lot(0.8)), heuristic=heuristic, search="5d", max_checked=30),
+        perturbations=lambda name: [[o for o in g if not picky(0.8)(o)] for g in _groups(shelf, name)],
+    ).pack(names, shelf.prepared, BOX)
+    assert [pose[:-1] for pose in poses(late)] == [pose[:-1] for pose in poses(without)]
+    assert [p.checked for p in late.placements] == [p.checked for p in without.placements]
+    assert len(late.placements) >= 2
+
+
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])
 def test_5d_plans_are_legal(constraints: str, shelf: Shelf) -> None:
     names = ["book", "brick", "can", "cup"]
@@ -564,7 +658,7 @@ def test_every_prefix_of_the_pile_stands(stability: str, heuristic: str, shelf: 
         coms = np.array([q.rotation @ MESHES[q.item].com + q.position for q in placed])
         assert StabilityChecker().check(contacts, masses, coms).stable
         if stability == "margin":
-            tilted = StabilityChecker().check_margin(contacts, masses, coms, tilt_deg=MARGIN_TILT_DEG)
+            tilted = check_margin(StabilityChecker(), contacts, masses, coms, MARGIN)
             assert [result.stable for result in tilted] == [True] * 8
 
 

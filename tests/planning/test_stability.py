@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from packenv.planning.equilibrium import TOLERANCE, residuals, take
-from packenv.planning.stability import StabilityChecker, tilt_directions
+from packenv.planning.margins import measure_margin, tilt_directions
+from packenv.planning.stability import StabilityChecker
 from packenv.types import Contacts
 from tests.planning import piles
 from tests.planning.piles import Pile
@@ -246,7 +247,7 @@ def test_a_new_item_that_does_not_exist_is_refused():
 def test_an_empty_container_stands():
     p = piles.pile(np.empty((0, 3)), np.ones((0, 3)), [], [], [], np.empty((0, 3)))
     assert CHECKER.check(*p.args).stable
-    assert CHECKER.margin(*p.args).tilt_deg == pytest.approx(45.0)
+    assert measure_margin(CHECKER, *p.args).tilt_deg == pytest.approx(45.0)
 
 
 # Closed forms --------------------------------------------------------------------------------------------
@@ -276,7 +277,7 @@ def test_leaning_plank_needs_the_friction_of_its_closed_form(angle, fraction):
     needed = piles.plank_needs(angle, fraction)
     assert not stands(piles.plank(angle, fraction), needed - 0.01)
     assert stands(piles.plank(angle, fraction), needed + 0.01)
-    found = StabilityChecker(mu=2.0).margin(*piles.plank(angle, fraction).args, with_mu=True).mu
+    found = measure_margin(StabilityChecker(mu=2.0), *piles.plank(angle, fraction).args, with_mu=True).mu
     assert found == pytest.approx(needed, abs=2e-3)
 
 
@@ -298,13 +299,6 @@ def test_arch_without_its_keystone_falls():
     assert not stands(Pile(left_only, whole.masses[:1], whole.coms[:1], whole.gravity), 2.0)
 
 
-def test_ball_in_a_corner_and_on_the_floor_stand_for_the_paper_and_not_for_the_margin():
-    for ball in (piles.ball_on_floor(), piles.ball_in_corner()):
-        assert CHECKER.is_stable(*ball.args, rule="paper")
-        assert not CHECKER.is_stable(*ball.args, rule="margin")
-        assert CHECKER.margin(*ball.args).tilt_deg == pytest.approx(0.0, abs=0.01)
-
-
 def test_bridge_stands_only_when_complete():
     halves, whole = piles.bridge(key=False), piles.bridge(key=True)
     assert not CHECKER.check(*halves.args).stable
@@ -319,80 +313,3 @@ def test_bridge_stands_only_when_complete():
             whole.gravity,
         )
         assert CHECKER.check(*p.args).decided_by == "new-item"
-
-
-# Margin --------------------------------------------------------------------------------------------------
-
-
-def test_margin_of_a_standing_box_is_its_edge_or_its_friction():
-    """It topples at atan(half width / height of the centre of mass) or slides at atan μ, the sooner."""
-    for height, mu in ((0.05, 0.7), (0.12, 0.7), (0.3, 0.7), (0.12, 0.2)):
-        box = piles.box_on_floor(com=(0.05, 0.05, height))
-        margin = StabilityChecker(mu=mu).margin(*box.args)
-        expected = np.degrees(np.arctan(min(mu, 0.05 / height)))
-        assert margin.tilt_deg == pytest.approx(expected, abs=0.01)
-        assert margin.stable
-
-
-def test_margin_is_capped_and_zero_for_what_falls():
-    margin = StabilityChecker(mu=3.0).margin(*piles.box_on_floor(com=(0.05, 0.05, 0.01)).args, cap_deg=30.0)
-    np.testing.assert_allclose(margin.tilts_deg, 30.0)
-    fallen = CHECKER.margin(*piles.overhang(0.01).args, with_mu=True)
-    assert not fallen.stable
-    assert fallen.tilt_deg == 0.0
-    assert fallen.mu is None
-
-
-def test_margin_is_where_the_tilted_pile_begins_to_fall():
-    """The linear program's tilt, asked of the plain check on either side."""
-    rng = np.random.default_rng(11)
-    asked = 0
-    while asked < 12:
-        p = piles.stack_of_boxes(rng, 5, 0.06)
-        margin = CHECKER.margin(*p.args)
-        if not margin.stable:
-            continue
-        asked += 1
-        for direction, tilt in zip(margin.directions, margin.tilts_deg, strict=True):
-            below, above = (np.tan(np.radians(max(tilt + d, 0.0))) for d in (-0.01, 0.01))
-            assert CHECKER.check(*p.args, tilt=below * direction).stable
-            if tilt < 45.0:
-                assert not CHECKER.check(*p.args, tilt=above * direction).stable
-
-
-def test_margin_falls_back_on_asking_when_its_program_fails(monkeypatch):
-    from packenv.planning import stability
-
-    box = piles.box_on_floor(com=(0.05, 0.05, 0.12))
-    expected = CHECKER.margin(*box.args).tilts_deg
-    monkeypatch.setattr(stability, "_ROUNDS", 0)
-    np.testing.assert_allclose(CHECKER.margin(*box.args).tilts_deg, expected, atol=0.02)
-
-
-def test_margin_rule_is_the_margin():
-    rng = np.random.default_rng(12)
-    seen = Counter()
-    for _ in range(40):
-        p = piles.stack_of_boxes(rng, 3, 0.1)
-        margin = CHECKER.margin(*p.args).tilt_deg
-        if abs(margin - 5.0) > 0.01:
-            verdict = CHECKER.is_stable(*p.args, rule="margin", tilt_deg=5.0)
-            assert verdict == (margin > 5.0)
-            seen[verdict] += 1
-            if verdict:
-                assert CHECKER.is_stable(*p.args)
-    assert min(seen[True], seen[False]) >= 4
-
-
-def test_margin_rule_carries_its_forces_to_the_next_item():
-    p = stacked()
-    old = take(p.contacts, p.contacts.second < 3)
-    before = CHECKER.check_margin(old, p.masses[:2], p.coms[:2])
-    assert len(before) == 8
-    after = CHECKER.check_margin(*p.args, previous=before)
-    assert all(result.stable for result in after)
-
-
-def test_unknown_rule_is_refused():
-    with pytest.raises(ValueError, match="paper"):
-        CHECKER.is_stable(*piles.box_on_floor().args, rule="hope")
