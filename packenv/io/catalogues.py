@@ -20,6 +20,9 @@ BUILTIN = "builtin"
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
 
+PARTS = ".parts.obj"
+"""``<stem>.parts.obj`` beside a mesh ``<stem>.<format>`` holds the convex parts that the mesh is made of."""
+
 
 @dataclass(frozen=True)
 class CatalogueEntry:
@@ -29,7 +32,8 @@ class CatalogueEntry:
         file: the mesh file, relative to the folder, with ``/``.
         mass: kg, or None where the table has none.
         unit: unit of the mesh, or None.
-        parts_file: file of the convex parts that the mesh is made of, relative to the folder, or None.
+        parts_file: file of the convex parts that the mesh is made of, relative to the folder and in the
+            mesh's unit, or None.
     """
 
     file: str
@@ -73,7 +77,7 @@ class Catalogue:
         return self._items[name]
 
     def parts_file(self, name: str) -> Path | None:
-        """File of the convex parts that an item is made of, or None where the table names none.
+        """File of the convex parts that an item is made of: the table's, else one beside the mesh, else None.
 
         Raises:
             CatalogueError: the catalogue has no such item.
@@ -104,7 +108,7 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
     ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
     ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit`` and
     ``parts_file``; further columns are left alone. In a folder without one, every mesh file is an
-    item of its stem's name.
+    item of its stem's name. In both, ``<stem>.parts.obj`` beside a mesh is taken for its ``parts_file``.
 
     Args:
         folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
@@ -158,7 +162,9 @@ def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
         name = row.text("name")
         if not name.isprintable() or len(name) > 200:
             raise CatalogueError(f"{row.where}: name {name[:40]!r} must be printable, at most 200 characters")
-        entry = CatalogueEntry(_file(row, "file"), _mass(row), _unit(row) or unit, _parts_file(row))
+        entry = CatalogueEntry(
+            _file(row, "file"), _mass(row), _unit(row) or unit, _parts_file(row, table.parent)
+        )
         if name in entries:
             raise CatalogueError(
                 f"{row.where}: item {name!r} is there twice, with {entries[name].file} ({lines[name]}) "
@@ -206,8 +212,15 @@ def _unit(row: Row) -> str | None:
     return unit
 
 
-def _parts_file(row: Row) -> str | None:
-    return _file(row, "parts_file") if row.cells.get("parts_file") else None
+def _parts_file(row: Row, folder: Path) -> str | None:
+    if row.cells.get("parts_file"):
+        return _file(row, "parts_file")
+    return _parts_beside(folder, _file(row, "file"))
+
+
+def _parts_beside(folder: Path, mesh: str) -> str | None:
+    parts = str(PurePosixPath(mesh).with_suffix(PARTS))
+    return parts if (folder / parts).is_file() else None
 
 
 def _bare_entries(folder: Path, unit: str | None) -> dict[str, CatalogueEntry]:
@@ -215,12 +228,14 @@ def _bare_entries(folder: Path, unit: str | None) -> dict[str, CatalogueEntry]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in EXTENSIONS or path.name.startswith(".") or not path.is_file():
             continue
+        if path.name.endswith(PARTS):
+            continue
         if path.stem in entries:
             raise CatalogueError(
                 f"{folder}: {entries[path.stem].file} and {path.name} are both named {path.stem!r}; "
                 "rename one, or add an objects.csv"
             )
-        entries[path.stem] = CatalogueEntry(path.name, unit=unit)
+        entries[path.stem] = CatalogueEntry(path.name, unit=unit, parts_file=_parts_beside(folder, path.name))
     if not entries:
         kinds = ", ".join(e[1:] for e in EXTENSIONS)
         raise CatalogueError(f"{folder}: holds neither {TABLE} nor a mesh file ({kinds})")

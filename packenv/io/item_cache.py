@@ -16,6 +16,9 @@ import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM, GridConfig
 from packenv.errors import InputError
+from packenv.geometry.ball_fit import Ball
+from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT
+from packenv.geometry.convex_parts import ConvexParts, convex_parts
 from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem, prepare_item
@@ -55,6 +58,10 @@ class ItemCache:
         """Where the surface field of this mesh is kept."""
         return self.folder / "fields" / f"{FIELD_FORMAT}-{item.sha256[:40]}.npz"
 
+    def parts_path(self, item: Item) -> Path:
+        """Where the convex parts of this mesh are kept."""
+        return self.folder / "parts" / f"{PARTS_FORMAT}-{item.sha256[:40]}.npz"
+
     def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
         """Read a prepared item; None where there is none that can be used."""
         return _read(
@@ -83,6 +90,19 @@ class ItemCache:
             self._write(path, field.to_arrays())
         return field
 
+    def parts(self, item: Item) -> ConvexParts:
+        """Read an item's convex parts, or make and keep them: seconds for a scan.
+
+        Raises:
+            InputError: the cache folder cannot be written.
+        """
+        path = self.parts_path(item)
+        parts = _read(path, _unpack_parts)
+        if parts is None:
+            parts = convex_parts(item)
+            self._write(path, _pack_parts(parts))
+        return parts
+
     def _write(self, path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         stream = io.BytesIO()
         np.savez(stream, **arrays)  # type: ignore[arg-type]
@@ -110,6 +130,25 @@ def _read(path: Path, build: Callable[[Mapping[str, np.ndarray]], T]) -> T | Non
             return build(stored)
     except (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
         return None
+
+
+def _pack_parts(parts: ConvexParts) -> dict[str, np.ndarray]:
+    ball = [] if parts.ball is None else [*parts.ball.centre, parts.ball.radius]
+    return {
+        "vertices": np.concatenate(parts.parts),
+        "sizes": np.array([len(p) for p in parts.parts]),
+        "ball": np.array(ball, dtype=np.float64),
+        "reach": np.array([parts.bulge, parts.dent]),
+    }
+
+
+def _unpack_parts(arrays: Mapping[str, np.ndarray]) -> ConvexParts:
+    vertices, sizes, ball = arrays["vertices"], arrays["sizes"], arrays["ball"]
+    bulge, dent = (float(x) for x in arrays["reach"])
+    if vertices.shape != (sizes.sum(), 3) or not len(sizes) or sizes.min() < 4 or len(ball) not in (0, 4):
+        raise ValueError("arrays of convex parts do not fit together")
+    parts = tuple(np.ascontiguousarray(p) for p in np.split(vertices, np.cumsum(sizes)[:-1]))
+    return ConvexParts(parts, Ball(ball[:3], float(ball[3])) if len(ball) else None, bulge, dent)
 
 
 def _pack(prepared: PreparedItem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -126,3 +126,13 @@ def test_the_scanned_catalogue(objects_dir):
     assert catalogue.item("025_mug").volume == pytest.approx(1.381209e-4, rel=1e-5)
     assert catalogue.item("mead_index_cards").mass_estimated
     assert sum(e.mass is None for e in catalogue.entries.values()) == 18
+
+
+def test_parts_beside_a_mesh_are_found_in_a_table_and_without_one(shelf):
+    (shelf / "mug.parts.obj").write_text("o a\n")
+    assert open_catalogue(shelf).parts_file("red mug") == shelf / "mug.parts.obj"
+    (shelf / "objects.csv").unlink()
+    bare = open_catalogue(shelf)
+    assert bare.names == ("ball", "mug")
+    assert bare.parts_file("mug") == shelf / "mug.parts.obj"
+    assert bare.parts_file("ball") is None

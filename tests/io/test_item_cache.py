@@ -12,7 +12,8 @@ from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.item_cache import ItemCache, default_folder
-from tests.shapes import box, cup
+from packenv.types import Item
+from tests.shapes import ball, box, cup
 
 GRID = GridConfig(n_poses=2, n_yaws=2)
 ITEM = cup(0.03, 0.05)
@@ -116,3 +117,27 @@ def test_the_environment_names_the_folder(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "x"))
     assert default_folder().is_relative_to(tmp_path)
+
+
+@pytest.mark.parametrize("item", [box(0.05, 0.04, 0.03), ball(0.03)], ids=["box", "ball"])
+def test_convex_parts_come_back_as_they_went_in(tmp_path: Path, item: Item) -> None:
+    made = ItemCache(tmp_path).parts(item)
+    kept = ItemCache(tmp_path).parts(item)
+    assert [p.tobytes() for p in kept.parts] == [p.tobytes() for p in made.parts]
+    assert (kept.bulge, kept.dent) == (made.bulge, made.dent)
+    assert (kept.ball is None) == (made.ball is None)
+    if kept.ball is not None and made.ball is not None:
+        assert kept.ball.radius == made.ball.radius
+        np.testing.assert_array_equal(kept.ball.centre, made.ball.centre)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_torn_file_of_convex_parts_is_made_anew(tmp_path: Path, share: float) -> None:
+    item = box(0.05, 0.04, 0.03)
+    cache = ItemCache(tmp_path)
+    cache.parts(item)
+    path = cache.parts_path(item)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    assert len(cache.parts(item).parts) == 1
+    assert path.read_bytes() == whole
