@@ -24,11 +24,14 @@ class SceneStep:
         figures: what a reader may want to know of this step, label to value. A value is a string, a
             number, a bool, or again a mapping or a sequence of these; the page prints it as it stands,
             so units belong into the strings.
+        measured: where the item lies after an execution: (3, 3) mesh frame to container frame and (3,) m;
+            None where it was not placed, or nothing was executed.
     """
 
     placement: Placement
     item: Item
     figures: Mapping[str, object] = field(default_factory=dict)
+    measured: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def vertices(self) -> FloatArray:
@@ -51,6 +54,8 @@ class Scene:
         title: heading of the page.
         metrics: figures of the plan.
         settings: the configuration that produced the plan.
+        verdict: what came of an execution, label and text of each figure; empty where there was none. Then
+            measured poses are shown, and the planned ones beside them.
     """
 
     container: Container
@@ -61,6 +66,7 @@ class Scene:
     title: str = "Packing plan"
     metrics: Mapping[str, object] = field(default_factory=dict)
     settings: Mapping[str, object] = field(default_factory=dict)
+    verdict: tuple[tuple[str, str], ...] = ()
 
     @property
     def utilization(self) -> float:

@@ -24,7 +24,7 @@ import packenv
 from packenv.io.colours import hex_colour, item_colour
 from packenv.io.files import write_whole
 from packenv.io.scene import Scene, SceneStep
-from packenv.types import IntArray, Item
+from packenv.types import FloatArray, IntArray, Item
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
@@ -133,6 +133,7 @@ def _encode(scene: Scene) -> tuple[dict[str, object], bytes]:
             for left in scene.leftovers
         ],
         "summary": _summary(scene),
+        "executed": bool(scene.verdict),
         "metrics": _plain(scene.metrics),
         "settings": _plain(scene.settings),
     }
@@ -150,17 +151,22 @@ def _encode_mesh(item: Item, arrays: _Arrays) -> dict[str, object]:
 
 def _encode_step(step: SceneStep, index: int, mesh: int, several: bool) -> dict[str, object]:
     placement = step.placement
-    matrix = np.column_stack([placement.rotation, placement.position])
     return {
         "item": placement.item,
         "instance": placement.instance,
         "several": several,
         "mesh": mesh,
         "colour": hex_colour(item_colour(index)),
-        "matrix": [float(v) for v in matrix.reshape(-1)],
+        "matrix": _matrix(placement.rotation, placement.position),
+        "measured": None if step.measured is None else _matrix(*step.measured),
         "corner": [float(v) for v in placement.corner],
         "figures": _plain(step.figures),
     }
+
+
+def _matrix(rotation: FloatArray, position: FloatArray) -> list[float]:
+    """The first three rows of a pose's 4 x 4 matrix, row by row."""
+    return [float(v) for v in np.column_stack([rotation, position]).reshape(-1)]
 
 
 def _encode_heightmaps(scene: Scene, arrays: _Arrays) -> dict[str, object] | None:
@@ -188,6 +194,7 @@ def _summary(scene: Scene) -> list[tuple[str, str]]:
         ("Utilization", f"{100 * scene.utilization:.1f} %"),
         ("Height", f"{scene.height:.3f} m"),
         ("Container", f"{size} m"),
+        *scene.verdict,
     ]
 
 

@@ -7,6 +7,7 @@ import { State } from './state.js';
 
 const PLAY_MS = 1250;
 const LEGEND_TICKS = 5;
+const FLAGS = ['planned', 'heightmap', 'xray', 'walls', 'sizes'];
 const root = document.documentElement;
 const $ = (id) => document.getElementById(id);
 
@@ -76,13 +77,14 @@ function listen(state, stage, player) {
     button.addEventListener('click', () => stage.look(button.dataset.view));
   }
   const toggle = (flag) => !$(`toggle-${flag}`).disabled && state.toggle(flag);
-  for (const flag of ['heightmap', 'xray', 'walls', 'sizes']) $(`toggle-${flag}`).addEventListener('click', () => toggle(flag));
+  for (const flag of FLAGS) $(`toggle-${flag}`).addEventListener('click', () => toggle(flag));
   const keys = {
     ArrowRight: () => go(state.step + 1),
     ArrowLeft: () => go(state.step - 1),
     Home: () => go(0),
     End: () => go(state.steps),
     h: () => toggle('heightmap'),
+    p: () => toggle('planned'),
     x: () => toggle('xray'),
     w: () => toggle('walls'),
     d: () => toggle('sizes'),
@@ -114,6 +116,10 @@ async function start() {
   const state = new State(data.steps.length);
   if (!data.heightmap) state.values.heightmap = false;
   $('toggle-heightmap').disabled = !data.heightmap;
+  // Without an execution what is shown is the plan.
+  if (!data.executed) state.values.planned = false;
+  $('toggle-planned').hidden = $('key-planned').hidden = !data.executed;
+  $('toggle-planned').disabled = !data.executed;
   const panel = new Panel(data, state);
   let stage;
   try {
@@ -129,7 +135,7 @@ async function start() {
     panel.show(state);
     const forward = before && state.step === before.step + 1 ? state.step - 1 : null;
     stage.show(state, forward);
-    for (const flag of ['heightmap', 'xray', 'walls', 'sizes']) {
+    for (const flag of FLAGS) {
       $(`toggle-${flag}`).setAttribute('aria-pressed', String(state.flag(flag)));
     }
     $('legend').hidden = !state.flag('heightmap');

@@ -125,17 +125,32 @@ export class Stage {
       solid.castShadow = true;
       solid.receiveShadow = true;
       const outline = new Mesh(geometries[step.mesh], this.outlineMaterial());
-      const pose = new Matrix4().fromArray([...step.matrix, 0, 0, 0, 1]).transpose();
+      const pose = (rows) => new Matrix4().fromArray([...rows, 0, 0, 0, 1]).transpose();
+      const planned = pose(step.matrix);
       for (const mesh of [solid, outline]) {
         mesh.matrixAutoUpdate = false;
-        mesh.matrix.copy(pose);
+        mesh.matrix.copy(step.measured ? pose(step.measured) : planned);
       }
       solid.userData.index = index;
       const group = new Group();
       group.add(solid, outline);
       this.scene.add(group);
-      return { group, solid, outline, lift: this.size.z * 1.08 - step.corner[2] };
+      const ghost = this.data.executed ? this.ghost(geometries[step.mesh], step.colour, planned) : null;
+      // After an execution, what is not measured was not placed: it is nowhere but in the plan.
+      const absent = this.data.executed && !step.measured;
+      return { group, solid, outline, ghost, absent, lift: this.size.z * 1.08 - step.corner[2] };
     });
+  }
+
+  /** Where the plan has an item: its colour, see-through. */
+  ghost(geometry, colour, pose) {
+    const material = new MeshStandardMaterial({ color: colour, roughness: 0.9, transparent: true, opacity: 0.28, depthWrite: false });
+    const mesh = new Mesh(geometry, material);
+    mesh.matrixAutoUpdate = false;
+    mesh.matrix.copy(pose);
+    mesh.visible = false;
+    this.scene.add(mesh);
+    return mesh;
   }
 
   outlineMaterial() {
@@ -230,8 +245,10 @@ export class Stage {
   show(state, descend = null) {
     const heights = state.flag('heightmap') && this.data.heightmap;
     const [xray, focus] = [state.flag('xray'), state.focus];
-    this.items.forEach(({ group, solid, outline }, index) => {
-      group.visible = index < state.step && !state.hidden.has(index);
+    this.items.forEach(({ group, solid, outline, ghost, absent }, index) => {
+      const shown = index < state.step && !state.hidden.has(index);
+      group.visible = shown && !absent;
+      if (ghost) ghost.visible = shown && state.flag('planned') && !heights;
       group.position.z = 0;
       const clear = xray && !heights && index !== focus;
       const { material } = solid;

@@ -1,6 +1,6 @@
 // What the reader looks at, kept in the address's hash so that a link shows the same.
 
-const FLAGS = { heightmap: false, xray: false, walls: true, sizes: true };
+const FLAGS = { planned: false, heightmap: false, xray: false, walls: true, sizes: true };
 
 export class State {
   constructor(steps) {
