@@ -73,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_pack(commands)
     _add_verify(commands)
     _add_view(commands)
+    _add_execute(commands)
     _add_items(commands)
     return parser
 
@@ -90,6 +91,14 @@ def _count(text: str) -> int:
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{value} is not at least 0")
+    return value
+
+
+def _seconds(text: str) -> float:
+    """A time of more than 0 and at most 600 s."""
+    value = float(text)
+    if not 0.0 < value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{text} is not more than 0 and at most 600 seconds")
     return value
 
 
@@ -209,6 +218,53 @@ def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="page (.html) or picture (.png) to write",
     )
     _catalogue_options(view, None)
+
+
+def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    execute = commands.add_parser(
+        "execute",
+        help="carry a plan out in physics",
+        description="Let a simulated robot carry a plan out, and measure where every item ends. Success: "
+        "nothing collides while items are placed, and at the end every item is inside the container.",
+    )
+    execute.set_defaults(module="execute")
+    execute.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    execute.add_argument(
+        "--closed-loop",
+        action="store_true",
+        help="measure every item's pose after each placement, and plan the rest again when something moved",
+    )
+    execute.add_argument(
+        "--settle",
+        type=_seconds,
+        default=20.0,
+        metavar="S",
+        help="longest time for an item to come to rest (default: %(default)g)",
+    )
+    execute.add_argument(
+        "--full-settle", action="store_true", help="wait that long after every item, at rest or not"
+    )
+    execute.add_argument(
+        "--gentle",
+        action="store_true",
+        help="lower each item until something holds it, instead of letting it drop from 1 cm above its place",
+    )
+    execute.add_argument(
+        "--disturb",
+        action="store_true",
+        help="in a world that is not quite as planned: other friction, masses, grasps and time step",
+    )
+    execute.add_argument(
+        "--seed", type=_seed, default=0, metavar="N", help="of the disturbances (default: %(default)s)"
+    )
+    execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window")
+    execute.add_argument("--out", type=Path, metavar="FILE", help="write the result (JSON)")
+    execute.add_argument("--gif", type=Path, metavar="FILE", help="write an animation")
+    execute.add_argument(
+        "--html", type=Path, metavar="PAGE", help="write a page with measured and planned poses"
+    )
+    _catalogue_options(execute, None)
+    execute.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def _add_items(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from packenv.commands.output import remark, with_progress
 from packenv.config import GridConfig
 from packenv.errors import PlanError
+from packenv.geometry.convex_parts import ConvexParts
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import Catalogue, open_catalogue
 from packenv.io.item_cache import ItemCache
+from packenv.io.parts_files import exact_parts
 from packenv.io.plans import read_plan
 from packenv.types import Item, Plan
+
+if TYPE_CHECKING:
+    from packenv.sim.physics_items import PhysicsItem
 
 
 def load_items(catalogue: Catalogue, names: Collection[str]) -> dict[str, Item]:
@@ -45,6 +51,31 @@ def load_fields(items: dict[str, Item]) -> dict[str, SurfaceField]:
     return {name: cache.surface_field(items[name]) for name in with_progress(items, "surfaces")}
 
 
+def load_convex_parts(items: dict[str, Item], catalogue: Catalogue) -> dict[str, ConvexParts]:
+    """Every item's convex parts: exact ones where the catalogue has them, else from the user's cache or made.
+
+    Raises:
+        CatalogueError: a file of parts is wrong.
+    """
+    cache = ItemCache()
+    return {
+        name: exact_parts(catalogue, name) or cache.parts(item)
+        for name, item in with_progress(items.items(), "convex parts")
+    }
+
+
+def load_physics_items(items: dict[str, Item], catalogue: Catalogue) -> dict[str, PhysicsItem]:
+    """Every item as a rigid body of convex parts, or a ball.
+
+    Raises:
+        CatalogueError: a file of parts is wrong.
+    """
+    from packenv.sim.physics_items import PhysicsItem
+
+    parts = load_convex_parts(items, catalogue)
+    return {name: PhysicsItem.of_item(item, parts[name]) for name, item in items.items()}
+
+
 def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan, dict[str, Item]]:
     """Read a plan and the meshes of its placed items, and check that they are the meshes it was made of.
 
@@ -57,7 +88,7 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
         InputError: the plan or a mesh is wrong, or a mesh is not the one that the plan was made of.
     """
     plan = read_plan(path)
-    shelf = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+    shelf = plan_catalogue(plan, catalogue, unit)
     names = list(dict.fromkeys(placement.item for placement in plan.placements))
     for name in names:
         if name not in shelf:
@@ -71,6 +102,11 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
                 "by --catalogue"
             )
     return plan, items
+
+
+def plan_catalogue(plan: Plan, catalogue: str | None, unit: str | None) -> Catalogue:
+    """The catalogue of a plan's meshes; folder and unit that are not None replace the plan's."""
+    return open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
 
 
 def plan_cell_size(plan: Plan, path: Path) -> float:
