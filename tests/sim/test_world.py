@@ -1,0 +1,151 @@
+"""The world obeys mechanics: fall, friction, rolling, rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pybullet
+import pytest
+
+from packenv.sim.rest import RestRule, settle
+from packenv.sim.world import GRAVITY, SCALE, World, WorldConfig
+from packenv.types import Container
+from tests.sim.bodies import BOX, ball, brick
+
+LONG = Container(1.8, 0.4, 0.3)
+
+
+@contextmanager
+def tilted(angle: float, config: WorldConfig) -> Iterator[World]:
+    """A world whose floor slopes down along x, seen from the floor."""
+    with World(LONG, config) as world:
+        g = GRAVITY * SCALE
+        pybullet.setGravity(g * math.sin(angle), 0.0, -g * math.cos(angle), physicsClientId=world.client)
+        yield world
+
+
+def run(world: World, seconds: float) -> None:
+    for _ in range(round(seconds / world.config.time_step)):
+        world.step()
+
+
+def test_free_fall_is_half_g_t_squared_whatever_the_mass() -> None:
+    heights = []
+    for factor in (1.0, 0.1, 20.0):
+        with World(BOX) as world:
+            body = world.add(brick().heavier(factor), np.eye(3), np.array([0.1, 0.1, 0.2]))
+            run(world, 0.15)
+            heights.append(world.pose(body)[1][2])
+            t, dt = world.time, world.config.time_step
+    # One step of semi-implicit integration is half a step ahead of the parabola.
+    assert heights[0] == pytest.approx(0.2 - GRAVITY * t * (t + dt) / 2.0, abs=1e-6)
+    assert abs(heights[0] - (0.2 - GRAVITY * t * t / 2.0)) <= GRAVITY * t * dt
+    assert heights[1:] == pytest.approx([heights[0]] * 2, abs=1e-9)
+
+
+def test_a_box_at_rest_stays() -> None:
+    with World(BOX) as world:
+        lower = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.0]))
+        upper = world.add(brick(0.06, 0.06, 0.06), np.eye(3), np.array([0.12, 0.11, 0.05]))
+        before = {body: world.pose(body) for body in (lower, upper)}
+        run(world, 5.0)
+        for body, (rotation, position) in before.items():
+            now = world.pose(body)
+            assert np.abs(now[1] - position).max() <= 3e-4
+            assert np.abs(now[0] - rotation).max() <= 3e-3
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.7])
+def test_a_box_slides_where_the_slope_exceeds_friction(mu: float) -> None:
+    moved = []
+    for share in (0.92, 1.08):
+        angle = math.atan(share * mu)
+        with tilted(angle, WorldConfig(mu=mu)) as world:
+            body = world.add(brick(0.12, 0.1, 0.03), np.eye(3), np.array([0.2, 0.15, 0.0]))
+            run(world, 1.0)
+            moved.append(world.pose(body)[1][0] - 0.2)
+    assert abs(moved[0]) < 5e-4
+    expected = 0.5 * GRAVITY * (math.sin(angle) - mu * math.cos(angle))
+    assert moved[1] == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("rolling", [0.0, 0.0005])
+def test_a_ball_rolls_as_a_solid_ball_does(rolling: float) -> None:
+    angle, radius = math.radians(4.0), 0.04
+    with tilted(angle, WorldConfig(rolling=rolling)) as world:
+        item = ball(radius)
+        body = world.add(item, np.eye(3), np.array([0.1, 0.2, radius]))
+        run(world, 1.0)
+        now = world.pose(body)[1]
+    factor = 1.0 / (1.0 + item.moments.mean() / (item.mass * radius**2))
+    assert factor == pytest.approx(5.0 / 7.0, rel=0.02)
+    expected = 0.5 * GRAVITY * factor * (math.sin(angle) - math.cos(angle) * rolling / radius)
+    assert now[0] - 0.1 == pytest.approx(expected, rel=0.03)
+    assert abs(now[1] - 0.2) < 1e-4
+
+
+def energy(world: World, body: int) -> float:
+    """Kinetic and potential energy, J."""
+    item = world.item_of(body)
+    assert item is not None
+    linear, angular = pybullet.getBaseVelocity(body, physicsClientId=world.client)
+    rotation, position = world.pose(body)
+    height = (rotation @ item.com + position)[2]
+    spin = (rotation @ item.axes).T @ np.array(angular)
+    speed = np.array(linear) / SCALE
+    return float(item.mass * (0.5 * speed @ speed + GRAVITY * height) + 0.5 * item.moments @ spin**2)
+
+
+def test_energy_never_exceeds_that_at_the_start_and_never_grows_at_rest() -> None:
+    turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    with World(BOX) as world:
+        body = world.add(brick(), turn, np.array([0.1, 0.1, 0.12]))
+        item = world.item_of(body)
+        assert item is not None
+        start = energy(world, body)
+        tumbling = []
+        for _ in range(round(1.5 / world.config.time_step)):
+            world.step()
+            tumbling.append(energy(world, body))
+        resting = []
+        for _ in range(round(2.0 / world.config.time_step)):
+            world.step()
+            resting.append(energy(world, body))
+    weight = item.mass * GRAVITY
+    assert max(tumbling) <= start
+    # 1 µm of height; flat on a side, its centre of mass is half a side high.
+    assert max(resting) <= resting[0] + 1e-6 * weight
+    assert min(abs(resting[-1] / weight - half) for half in (0.05, 0.04, 0.025)) < 3e-4
+
+
+def test_settling_ends_at_rest_and_says_so() -> None:
+    with World(BOX) as world:
+        body = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.03]))
+        ended = settle(world, 20.0, RestRule())
+        assert ended.at_rest
+        assert 0.1 < ended.seconds < 1.0
+        assert world.pose(body)[1][2] == pytest.approx(0.0, abs=3e-4)
+        world.move(body, np.eye(3), np.array([0.1, 0.1, 0.2]))
+        assert not settle(world, 0.1, RestRule()).at_rest
+
+
+def test_a_pose_comes_back_as_it_was_given() -> None:
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    with World(BOX) as world:
+        body = world.add(brick(), turn, np.array([0.1, 0.2, 0.15]))
+        rotation, position = world.pose(body)
+    assert np.abs(rotation - turn).max() < 1e-12
+    assert np.abs(position - [0.1, 0.2, 0.15]).max() < 1e-12
+
+
+def test_overlap_is_the_depth_of_the_geometry() -> None:
+    with World(BOX) as world:
+        a = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.0]))
+        b = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.047]))
+        assert world.overlap(a, b) == pytest.approx(0.003, abs=2e-4)
+        world.move(b, np.eye(3), np.array([0.1, 0.1, 0.06]))
+        assert world.overlap(a, b) < 0.0
