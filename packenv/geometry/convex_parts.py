@@ -32,6 +32,9 @@ VERTEX_BUDGET = 1024
 INWARD = 0.0002
 """How far the mesh may stick out of a part whose vertices were thinned, m."""
 
+SLIVER = 0.00001
+"""Details of an envelope smaller than this are smoothed away, m."""
+
 _SAMPLE = 0.001
 
 _DOUBT = 0.0012
@@ -84,8 +87,9 @@ def envelope(item: Item, parts: ConvexParts) -> Item:
         parts: its convex parts.
 
     Returns:
-        The item with a closed surface that contains mesh and parts. Name, file, volume, mass, centre of mass
-        and inertia stay; the hash is that of the new surface. Where the parts are exact, the item itself.
+        The item with a closed surface that contains mesh and parts, up to :data:`SLIVER`. Name, file,
+        volume, mass, centre of mass and inertia stay; the hash is that of the new surface. Where the parts
+        are exact, the item itself.
 
     Raises:
         MeshError: mesh and parts cannot be united.
@@ -99,7 +103,8 @@ def envelope(item: Item, parts: ConvexParts) -> Item:
         raise MeshError(f"item {item.name}: its mesh cannot be united with its convex parts; repair the mesh")
     hulls = [manifold3d.Manifold.hull_points(p) for p in parts.parts]
     union = manifold3d.Manifold.batch_boolean([solid, *hulls], manifold3d.OpType.Add)
-    mesh = union.to_mesh64()
+    # A union of nearly flush surfaces is full of slivers, whose normals mislead every test for inside.
+    mesh = union.simplify(SLIVER).to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3], dtype=np.float64)
     faces = np.array(mesh.tri_verts, dtype=np.int64)
     return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
