@@ -143,6 +143,28 @@ def test_options_reach_the_physics(folder: Path, capsys: pytest.CaptureFixture[s
     assert (nominal["disturbance"], one["disturbance"]["seed"]) == (None, 1)
 
 
+def test_a_closed_loop_plans_again_where_items_are_not_where_they_should_be(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The grasp slips by several millimetres; what is placed later is planned on what was measured."""
+    capsys.readouterr()
+    assert execute(folder / "robot.json", "--closed-loop", "--disturb", "--seed", "1", "--json") == 0
+    closed = json.loads(capsys.readouterr().out)
+    assert (closed["success"], closed["loop"], closed["placed"]) == (True, "closed", 3)
+    assert closed["plans"] > 1
+    plan = json.loads((folder / "robot.json").read_text())
+    assert closed["items"][0]["planned"]["position"] == pytest.approx(plan["steps"][0]["position"])
+    assert execute(folder / "robot.json", "--closed-loop") == 0
+    assert "times" in capsys.readouterr().out
+
+
+def test_a_closed_loop_needs_the_planner_s_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, value in (("heuristic", "best"), ("seed", None), ("n_poses", 0), ("grid_step", 0.0033)):
+        path = edited(folder, lambda plan, n=name, v=value: plan["settings"].update({n: v}))
+        capsys.readouterr()
+        refused(capsys, execute(path, "--closed-loop"), "edited.json", name)
+
+
 def test_an_item_that_sticks_out_is_no_success(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = edited(folder, lambda plan: plan["container"].update(size=[0.2, 0.2, 0.03]), "overlap")
     capsys.readouterr()

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from packenv.commands.loading import load_physics_items, load_plan, plan_catalogue
+from packenv.commands.loading import load_items, load_physics_items, load_plan, plan_catalogue
 from packenv.commands.output import remark, say, say_json, with_progress
 from packenv.errors import InputError, PlanError
 from packenv.io.assets import assets_dir
-from packenv.io.executions import execution_to_json, mean_lengths, write_execution
+from packenv.io.executions import execution_to_json, write_execution
 from packenv.io.files import check_outputs
-from packenv.types import Item, Plan
+from packenv.types import Item, Leftover, Plan
 
 if TYPE_CHECKING:
     from packenv.sim.camera import Recorder
     from packenv.sim.disturbance import Disturbance
+    from packenv.sim.physics_items import PhysicsItem
     from packenv.sim.placing import PlacementTask
-    from packenv.sim.session import Execution, ExecutionConfig
+    from packenv.sim.session import Execution, ExecutionConfig, Session
     from packenv.sim.world import World
 
 
@@ -35,7 +38,11 @@ def run(arguments: argparse.Namespace) -> int:
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
     if not plan.placements:
         raise PlanError(f"{arguments.plan}: places no item, so there is nothing to execute")
-    tasks = _tasks(plan, items, arguments)
+    catalogue = plan_catalogue(plan, arguments.catalogue, arguments.unit)
+    if arguments.closed_loop:
+        items |= load_items(catalogue, {left.item for left in plan.leftovers} - items.keys())
+    physics = load_physics_items(items, catalogue)
+    tasks = _tasks(plan, physics, arguments)
 
     from packenv.sim.camera import Recorder
     from packenv.sim.disturbance import Disturbance
@@ -45,23 +52,54 @@ def run(arguments: argparse.Namespace) -> int:
     config = _config(ExecutionConfig(), arguments)
     disturbance = Disturbance(arguments.seed) if arguments.disturb else None
     recorder = Recorder() if arguments.gif is not None else None
-    if arguments.gui:
-        with engine_muted():
-            execution = _carry_out(plan, tasks, config, disturbance, recorder, gui=True)
-    else:
-        execution = _carry_out(plan, tasks, config, disturbance, recorder, gui=False)
-    document = execution_to_json(execution, plan.placements, config, disturbance, plan=arguments.plan.name)
-    _write(plan, items, execution, recorder, document, arguments)
+    carry_out = _open_loop(plan, tasks)
+    if arguments.closed_loop:
+        carry_out = _closed_loop(plan, items, physics, config, arguments)
+    with engine_muted() if arguments.gui else nullcontext():
+        carried = _carried(plan, tasks, config, disturbance, recorder, carry_out, gui=arguments.gui)
+    document = execution_to_json(
+        carried.execution,
+        carried.plan.placements,
+        config,
+        disturbance,
+        plan=arguments.plan.name,
+        plans=carried.plans,
+        leftovers=carried.missing,
+    )
+    _write(carried, items, recorder, document, arguments)
     if arguments.json:
         say_json(document)
     else:
-        _report(execution, len(plan.placements), arguments)
-    return 0 if execution.success else 1
+        _report(document, arguments)
+    return 0 if document["success"] else 1
 
 
-def _tasks(plan: Plan, items: dict[str, Item], arguments: argparse.Namespace) -> list[PlacementTask]:
-    physics = load_physics_items(items, plan_catalogue(plan, arguments.catalogue, arguments.unit))
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """What was carried out, and what came of it.
 
+    Attributes:
+        execution: in physics.
+        plan: as it was in the end.
+        plans: how often was planned, in closed loop; None in open loop.
+    """
+
+    execution: Execution
+    plan: Plan
+    plans: int | None = None
+
+    @property
+    def missing(self) -> tuple[Leftover, ...]:
+        """Items that the closed loop found no place for; an open loop is judged by its plan alone."""
+        return () if self.plans is None else self.plan.leftovers
+
+
+_CarryOut: TypeAlias = "Callable[[Session, Disturbance | None], _Carried]"
+
+
+def _tasks(
+    plan: Plan, physics: Mapping[str, PhysicsItem], arguments: argparse.Namespace
+) -> list[PlacementTask]:
     from packenv.sim.plan_tasks import task_of
 
     tasks = []
@@ -85,16 +123,17 @@ def _config(config: ExecutionConfig, arguments: argparse.Namespace) -> Execution
     return replace(config, motion=motion)
 
 
-def _carry_out(
+def _carried(
     plan: Plan,
     tasks: Sequence[PlacementTask],
     config: ExecutionConfig,
     disturbance: Disturbance | None,
     recorder: Recorder | None,
+    carry_out: _CarryOut,
     *,
     gui: bool,
-) -> Execution:
-    """Place item by item, up to a collision."""
+) -> _Carried:
+    """Open a session, and carry a plan out in it."""
     from packenv.robot.cell import Cell
     from packenv.sim.session import Session
 
@@ -102,11 +141,39 @@ def _carry_out(
     settings = config if disturbance is None else disturbance.config(config)
     watch: Callable[[World], None] | None = _at_real_speed(recorder) if gui else recorder
     with Session(Cell.beside(plan.container), settings, urdf, gui=gui, watch=watch) as session:
+        return carry_out(session, disturbance)
+
+
+def _open_loop(plan: Plan, tasks: Sequence[PlacementTask]) -> _CarryOut:
+    """Place item by item as planned, up to a collision."""
+
+    def carry_out(session: Session, disturbance: Disturbance | None) -> _Carried:
         for step, task in enumerate(with_progress(tasks, "executing"), start=1):
             session.place(task if disturbance is None else disturbance.task(task, step))
             if session.failed:
                 break
-        return session.result()
+        return _Carried(session.result(), plan)
+
+    return carry_out
+
+
+def _closed_loop(
+    plan: Plan,
+    items: dict[str, Item],
+    physics: Mapping[str, PhysicsItem],
+    config: ExecutionConfig,
+    arguments: argparse.Namespace,
+) -> _CarryOut:
+    """Measure after every placement, and plan the rest again when something moved."""
+    from packenv.commands.planning_again import Again, renumbered
+
+    again = Again(plan, arguments.plan, items, physics, config)
+
+    def carry_out(session: Session, disturbance: Disturbance | None) -> _Carried:
+        result = again.run(session, disturbance)
+        return _Carried(result.execution, renumbered(plan, result), result.plans)
+
+    return carry_out
 
 
 def _at_real_speed(recorder: Recorder | None) -> Callable[[World], None]:
@@ -124,13 +191,13 @@ def _at_real_speed(recorder: Recorder | None) -> Callable[[World], None]:
 
 
 def _write(
-    plan: Plan,
+    carried: _Carried,
     items: dict[str, Item],
-    execution: Execution,
     recorder: Recorder | None,
-    document: dict[str, object],
+    document: dict[str, Any],
     arguments: argparse.Namespace,
 ) -> None:
+    plan, execution = carried.plan, carried.execution
     if arguments.out is not None:
         write_execution(arguments.out, document)
     if arguments.html is not None:
@@ -145,23 +212,26 @@ def _write(
         write_gif(arguments.gif, plan, items, execution, frames, lambda f: with_progress(f, "drawing"))
 
 
-def _report(execution: Execution, planned: int, arguments: argparse.Namespace) -> None:
-    width = max(len(outcome.item) for outcome in execution.items)
+def _report(document: dict[str, Any], arguments: argparse.Namespace) -> None:
+    rows = document["items"]
+    width = max(len(row["item"]) for row in rows)
     say(f"{'step':>4}  {'item':<{width}}  drop cm  shift cm  turned  at rest after")
-    for step, o in enumerate(execution.items, start=1):
-        if o.collided:
-            say(f"{step:>4}  {o.item:<{width}}  stopped: {execution.detail}")
+    for row in rows:
+        head = f"{row['step']:>4}  {row['item']:<{width}}"
+        if row["collided"]:
+            say(f"{head}  stopped: {document['detail']}")
             continue
-        rest = f"{o.settle_s:.1f} s" if o.at_rest else f"{o.settle_s:.1f} s, still moving"
-        turned = f"{o.turned_rad * 57.29578:.0f}°"
-        lengths = f"{o.drop_m * 100:7.2f}  {o.shift_m * 100:8.2f}"
-        say(f"{step:>4}  {o.item:<{width}}  {lengths}  {turned:>6}  {rest}")
-    verdict = "success" if execution.success else f"failed ({execution.cause}): {execution.detail}"
-    means = mean_lengths(execution)
-    lengths = (
-        "" if means is None else f", drop {means[0] * 100:.2f} cm, shift {means[1] * 100:.2f} cm on average"
-    )
-    say(f"{verdict}; {sum(not o.collided for o in execution.items)} of {planned} items placed{lengths}")
+        rest = f"{row['settle_s']:.1f} s" + ("" if row["at_rest"] else ", still moving")
+        turned = f"{math.degrees(row['turned_rad']):.0f}°"
+        say(f"{head}  {row['drop_m'] * 100:7.2f}  {row['shift_m'] * 100:8.2f}  {turned:>6}  {rest}")
+    verdict = "success" if document["success"] else f"failed ({document['cause']}): {document['detail']}"
+    lengths = ""
+    if document["drop_m"] is not None:
+        lengths = (
+            f", drop {document['drop_m'] * 100:.2f} cm, shift {document['shift_m'] * 100:.2f} cm on average"
+        )
+    plans = "" if document["plans"] is None else f", planned {document['plans']} times"
+    say(f"{verdict}; {document['placed']} of {document['planned']} items placed{lengths}{plans}")
     for option in ("out", "gif", "html"):
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")

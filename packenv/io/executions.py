@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from packenv import __version__
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.io.files import write_whole
-from packenv.types import FloatArray, Placement
+from packenv.types import FloatArray, Leftover, Placement
 
 if TYPE_CHECKING:
     from packenv.sim.disturbance import Disturbance
@@ -28,7 +28,8 @@ def execution_to_json(
     disturbance: Disturbance | None = None,
     *,
     plan: str = "",
-    loop: str = "open",
+    plans: int | None = None,
+    leftovers: Sequence[Leftover] = (),
 ) -> dict[str, Any]:
     """What physics made of a plan, as a JSON-able mapping.
 
@@ -38,7 +39,8 @@ def execution_to_json(
         config: settings of the nominal world.
         disturbance: how the world differed from it; None for the nominal world.
         plan: the plan file's name.
-        loop: ``open`` or ``closed``.
+        plans: how often was planned, in closed loop; None in open loop.
+        leftovers: items that should have been placed and found no place any more; any is a failure.
     """
     items = [
         _item_to_json(step, outcome, placement.instance, final)
@@ -47,16 +49,21 @@ def execution_to_json(
         )
     ]
     means = mean_lengths(execution)
+    cause: str | None = execution.cause
+    detail = execution.detail
+    if cause is None and leftovers:
+        cause, detail = "left-over", f"{leftovers[0].item}: {leftovers[0].detail}"
     return {
         "schema_version": SCHEMA_VERSION,
         "generator": f"robotpack {__version__}",
         "units": dict(_UNITS),
         "plan": plan,
-        "loop": loop,
-        "success": execution.success,
-        "cause": execution.cause,
-        "detail": execution.detail,
-        "planned": len(placements),
+        "loop": "open" if plans is None else "closed",
+        "plans": plans,
+        "success": cause is None,
+        "cause": cause,
+        "detail": detail,
+        "planned": len(placements) + len(leftovers),
         "placed": sum(not outcome.collided for outcome in execution.items),
         "drop_m": None if means is None else means[0],
         "shift_m": None if means is None else means[1],

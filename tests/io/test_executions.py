@@ -23,7 +23,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, ExecutionConfig, ItemOutcome
 from packenv.types import Container, Item, Placement, Plan
 from tests import shapes
-from tests.io.test_viewer import decode
+from tests.io.test_viewer import decode, near_colour, visit
 
 CRATE, CUP = shapes.box(0.1, 0.08, 0.06, "crate"), shapes.cup(0.04, 0.08)
 ITEMS: dict[str, Item] = {"crate": CRATE, "cup": CUP}
@@ -121,6 +121,21 @@ def test_the_page_holds_planned_and_measured_poses() -> None:
     assert shown[1]["Execution"] == "cup met crate 2.0 mm deep"
     assert "Drop" not in shown[1]
     assert "not placed" in shown[2]["Execution"]
+
+
+def test_a_browser_shows_planned_poses_on_demand(tmp_path: Path) -> None:
+    """The third item was never placed: it is in the picture where the reader asks for the plan."""
+    page = tmp_path / "e.html"
+    page.write_text(page_text(executed_scene(PLAN, ITEMS, stopped())), encoding="utf-8")
+    pictures = {}
+    for flag in ("0", "1"):
+        root, _, picture = visit(page, f"step=3&planned={flag}", tmp_path)
+        assert root["data-state"] == "ready"
+        pictures[flag] = picture[110:600, 20:620]
+    changed = np.abs(pictures["1"] - pictures["0"]).max(axis=2) > 8
+    green = pictures["1"][..., 1] - pictures["1"][..., [0, 2]].max(axis=2) > 8
+    assert (changed & green).sum() > 300
+    assert near_colour(pictures["0"], item_colour(0)) > 300
 
 
 # ------------------------------------------------------------------------------------------- animation
