@@ -87,9 +87,9 @@ def envelope(item: Item, parts: ConvexParts) -> Item:
         parts: its convex parts.
 
     Returns:
-        The item with a closed surface that contains mesh and parts, up to :data:`SLIVER`. Name, file,
-        volume, mass, centre of mass and inertia stay; the hash is that of the new surface. Where the parts
-        are exact, the item itself.
+        The item with a closed surface that contains mesh and parts, up to :data:`SLIVER`, without cavities.
+        Name, file, volume, mass, centre of mass and inertia stay; the hash is that of the new surface. Where
+        the parts are exact, the item itself.
 
     Raises:
         MeshError: mesh and parts cannot be united.
@@ -101,13 +101,21 @@ def envelope(item: Item, parts: ConvexParts) -> Item:
     solid = _solid(item.vertices, item.faces)
     if solid is None:
         raise MeshError(f"item {item.name}: its mesh cannot be united with its convex parts; repair the mesh")
-    hulls = [manifold3d.Manifold.hull_points(p) for p in parts.parts]
+    # Flush surfaces would leave slivers, whose normals mislead every test for inside. So the parts are made
+    # larger by next to nothing, and the union forgets the solids it came from, or it would keep their seams.
+    hulls = [manifold3d.Manifold.hull_points(_swollen(p)) for p in parts.parts]
     union = manifold3d.Manifold.batch_boolean([solid, *hulls], manifold3d.OpType.Add)
-    # A union of nearly flush surfaces is full of slivers, whose normals mislead every test for inside.
-    mesh = union.simplify(SLIVER).to_mesh64()
+    bodies = [b for b in union.as_original().simplify(SLIVER).decompose() if b.volume() > 0]
+    mesh = manifold3d.Manifold.compose(bodies).to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3], dtype=np.float64)
     faces = np.array(mesh.tri_verts, dtype=np.int64)
     return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
+
+
+def _swollen(part: FloatArray) -> FloatArray:
+    outward = part - part.mean(axis=0)
+    larger: FloatArray = part + outward * (2 * SLIVER / np.linalg.norm(outward, axis=1, keepdims=True))
+    return larger
 
 
 def _solid(vertices: FloatArray, faces: IntArray):  # type: ignore[no-untyped-def]
