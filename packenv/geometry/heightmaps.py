@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import math
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM
-from packenv.geometry.raster_kernels import TOUCH_TOLERANCE, rasterize
-from packenv.types import FloatArray, Item, OrientedItem
+from packenv.geometry.raster_kernels import TOUCH_TOLERANCE, rasterize, round_outward, settle
+from packenv.types import FloatArray, IntArray, Item, OrientedItem
 
 _NOISE = 1e-12
 """Heights this far (m) past a quantum are rounding noise of the rotation, not material."""
+
+_EDGES: WeakKeyDictionary[Item, tuple[IntArray, IntArray]] = WeakKeyDictionary()
+"""Edges of each mesh, which do not turn with it: as long as the item lives."""
+
+
+def edges_of(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Every edge once, and which edges bound each face.
+
+    Args:
+        faces: (m, 3) vertex indices.
+
+    Returns:
+        (k, 2) vertex indices, the smaller first, and (m, 3) indices of those edges.
+    """
+    ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    count = int(faces.max(initial=-1)) + 1
+    keys, inverse = np.unique(ends[:, 0] * count + ends[:, 1], return_inverse=True)
+    return np.column_stack(np.divmod(keys, max(count, 1))), inverse.reshape(-1, 3)
 
 
 def orient_item(
@@ -33,26 +52,27 @@ def orient_item(
     Returns:
         The oriented item, smallest x, y and z at 0.
     """
-    rotated = item.vertices @ np.asarray(rotation, dtype=np.float64).T
-    low = rotated.min(axis=0)
-    rotated -= low
-    extents = rotated.max(axis=0)
+    rotation = np.asarray(rotation, dtype=np.float64)
+    rotated = item.vertices @ rotation.T
+    low, extents = np.empty(3), np.empty(3)
+    settle(rotated, low, extents)
     w, h = (max(1, math.ceil((e - TOUCH_TOLERANCE) / cell_size)) for e in extents[:2])
-    top = np.full((w, h), -np.inf)
-    bottom = np.full((w, h), np.inf)
-    rasterize(rotated, item.faces, cell_size, top, bottom)
-    footprint = np.isfinite(bottom)
-    quanta_up = np.ceil((top - _NOISE) / HEIGHT_QUANTUM, where=footprint, out=np.zeros((w, h)))
-    quanta_down = np.floor((bottom + _NOISE) / HEIGHT_QUANTUM, where=footprint, out=np.full((w, h), np.inf))
+    edges = _EDGES.get(item)
+    if edges is None:
+        edges = _EDGES[item] = edges_of(item.faces)
+    highest, lowest = np.full((w, h), -np.inf), np.full((w, h), np.inf)
+    rasterize(rotated, item.faces, *edges, cell_size, highest, lowest)
+    top, bottom = np.empty((w, h), dtype=np.float32), np.empty((w, h), dtype=np.float32)
+    round_outward(highest, lowest, HEIGHT_QUANTUM, _NOISE, top, bottom)
     return OrientedItem(
         item=item.name,
         pose_index=pose_index,
         yaw=yaw,
-        rotation=np.asarray(rotation, dtype=np.float64),
+        rotation=rotation,
         offset=-low,
         extents=extents,
-        com=np.asarray(rotation, dtype=np.float64) @ item.com - low,
-        top=(quanta_up * HEIGHT_QUANTUM).astype(np.float32),
-        bottom=(quanta_down * HEIGHT_QUANTUM).astype(np.float32),
+        com=rotation @ item.com - low,
+        top=top,
+        bottom=bottom,
         cell_size=cell_size,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import manifold3d
 import numpy as np
@@ -11,8 +12,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from packenv.config import HEIGHT_QUANTUM
-from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.heightmaps import edges_of, orient_item
+from packenv.geometry.raster_kernels import rasterize, rasterize_by_clipping
 from packenv.geometry.transforms import yaw_rotation
+from packenv.io.catalogues import open_catalogue
 from packenv.types import Item
 from tests.shapes import as_item, ball, box, cup, cylinder
 
@@ -157,3 +160,91 @@ def test_a_sheet_thinner_than_a_cell_is_not_missed() -> None:
     assert oriented.height == pytest.approx(0.03, abs=HEIGHT_QUANTUM)
     columns = oriented.footprint.any(axis=1)
     assert columns.all()
+
+
+# ------------------------------------------------------------------- the raster and its definition
+
+
+def _rasters(vertices: np.ndarray, faces: np.ndarray, cell: float) -> list[np.ndarray]:
+    """Top and bottom by the raster, then by its definition."""
+    shape = tuple(max(1, math.ceil((e - 1e-6) / cell)) for e in vertices.max(axis=0)[:2])
+    maps = [np.full(shape, extreme) for extreme in (-np.inf, np.inf) * 2]
+    rasterize(vertices, faces, *edges_of(faces), cell, *maps[:2])
+    rasterize_by_clipping(vertices, faces, cell, *maps[2:])
+    return maps
+
+
+def _assert_rasters_agree(vertices: np.ndarray, faces: np.ndarray, cell: float) -> None:
+    vertices = np.ascontiguousarray(vertices - vertices.min(axis=0))
+    top, bottom, top_wanted, bottom_wanted = _rasters(vertices, faces, cell)
+    assert np.isfinite(bottom_wanted).any()
+    np.testing.assert_array_equal(np.isfinite(bottom), np.isfinite(bottom_wanted))
+    np.testing.assert_array_equal(np.isfinite(top), np.isfinite(top_wanted))
+    there = np.isfinite(bottom)
+    np.testing.assert_allclose(top[there], top_wanted[there], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(bottom[there], bottom_wanted[there], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("cell", [0.0007, 0.002, 0.011])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_raster_equals_clipping_every_triangle(seed: int, cell: float) -> None:
+    """Turned at random, turned in steps of 45° as the planner does, and not at all."""
+    rng = np.random.default_rng(seed)
+    item = [cup(0.03, 0.05), ball(0.03), cylinder(0.02, 0.06), box(0.04, 0.02, 0.06)][seed % 4]
+    turn = [
+        Rotation.random(random_state=rng),
+        Rotation.from_euler("zyx", rng.integers(0, 8, 3) * math.pi / 4),
+        Rotation.identity(),
+    ][seed // 4]
+    _assert_rasters_agree(item.vertices @ turn.as_matrix().T, item.faces, cell)
+
+
+@pytest.mark.parametrize("grain", [0.0, 1e-7, 5e-7, 9.999e-7, 1.001e-6, 3e-6, 0.001, 0.3])
+@pytest.mark.parametrize("seed", range(10))
+def test_the_raster_equals_clipping_where_the_tolerance_decides(seed: int, grain: float) -> None:
+    """A soup of triangles, needles and points with corners about ``grain`` off the lines between cells."""
+    rng = np.random.default_rng(seed)
+    cell = 0.002
+    vertices = np.round(rng.uniform(0, 12, (60, 3)))
+    vertices[:, :2] += rng.choice([-1.0, 0.0, 1.0], (60, 2)) * grain / cell * rng.uniform(0.9, 1.1, (60, 2))
+    faces = rng.integers(0, 60, (90, 3))
+    _assert_rasters_agree(vertices * cell, faces, cell)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_raster_equals_clipping_on_any_soup(seed: int) -> None:
+    """Nothing is asked of the mesh: neither closed nor oriented, of any size of triangle, in any cells."""
+    rng = np.random.default_rng(seed)
+    vertices = rng.uniform(0, rng.choice([0.002, 0.01, 0.1]), (40, 3))
+    faces = rng.integers(0, 40, (30, 3))
+    _assert_rasters_agree(vertices, faces, float(rng.uniform(0.001, 0.01)))
+
+
+@pytest.mark.objects
+def test_maps_of_scanned_items_are_those_of_the_definition(objects_dir: Path) -> None:
+    """To the last quantum, on triangles as they come."""
+    catalogue = open_catalogue(str(objects_dir))
+    rng = np.random.default_rng(0)
+    for name in catalogue.names[::12]:
+        item = catalogue.item(name)
+        for _ in range(3):
+            oriented = orient_item(item, Rotation.random(random_state=rng).as_matrix(), cell_size=CELL)
+            vertices = item.vertices @ oriented.rotation.T + oriented.offset
+            top, bottom = np.full(oriented.top.shape, -np.inf), np.full(oriented.top.shape, np.inf)
+            rasterize_by_clipping(vertices, item.faces, CELL, top, bottom)
+            there = np.isfinite(bottom)
+            np.testing.assert_array_equal(oriented.footprint, there)
+            wanted = (np.ceil((top[there] - 1e-12) / HEIGHT_QUANTUM) * HEIGHT_QUANTUM).astype(np.float32)
+            np.testing.assert_array_equal(oriented.top[there], wanted)
+            wanted = (np.floor((bottom[there] + 1e-12) / HEIGHT_QUANTUM) * HEIGHT_QUANTUM).astype(np.float32)
+            np.testing.assert_array_equal(oriented.bottom[there], wanted)
+            assert not oriented.top[~there].any()
+
+
+def test_every_edge_is_listed_once_and_every_face_has_its_own() -> None:
+    faces = cup(0.03, 0.05).faces
+    edges, of_face = edges_of(faces)
+    assert len(np.unique(edges, axis=0)) == len(edges) == len(faces) * 3 // 2
+    for face, own in zip(faces, of_face, strict=True):
+        pairs = {frozenset(face[[k, (k + 1) % 3]].tolist()) for k in range(3)}
+        assert {frozenset(edges[e].tolist()) for e in own} == pairs
