@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import math
 
 import numpy as np
@@ -13,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.planning.orientations import PERTURBATION, euler_zyx, perturbations
+from packenv.planning import orientations
+from packenv.planning.orientations import PERTURBATION, OrientationMemory, euler_zyx, perturbations
 from packenv.types import FloatArray, Item, StablePose
 from tests.shapes import box, cup, cylinder
 
@@ -215,3 +217,83 @@ def _largest_angle_to_nearest(rotations: FloatArray, others: FloatArray) -> floa
     worst = int(np.argmin(traces))
     nearest = int(np.argmax(np.einsum("ij,bij->b", rotations[worst], others)))
     return float(Rotation.from_matrix(rotations[worst].T @ others[nearest]).magnitude())
+
+
+# ------------------------------------------------------------------------------- maps that are remembered
+
+
+def _all(item: Item, poses: tuple[StablePose, ...], size: tuple[float, float, float] = ROOM) -> list:
+    return [oriented for group in perturbations(item, poses, GRID, size) for oriented in group]
+
+
+def _assert_same(found: list, wanted: list) -> None:
+    assert len(found) == len(wanted)
+    for one, other in zip(found, wanted, strict=True):
+        assert (one.item, one.pose_index, one.yaw) == (other.item, other.pose_index, other.yaw)
+        for name in ("rotation", "offset", "extents", "com", "top", "bottom"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("budget", [0, 20_000, 2**30])
+@pytest.mark.parametrize("name", ITEMS)
+def test_memory_changes_nothing(
+    name: str, budget: int, prepared: dict[str, PreparedItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever was asked before, of this item or another, in this container or another."""
+    item, poses = ITEMS[name], prepared[name].poses
+    monkeypatch.setattr(orientations, "RECENT", OrientationMemory(0))
+    small = (0.2, 0.04, 0.2)
+    wanted = [_all(item, poses), _all(item, poses, small), _all(item, poses[:1])]
+    monkeypatch.setattr(orientations, "RECENT", OrientationMemory(budget))
+    for _ in range(2):
+        _assert_same(_all(item, poses, small), wanted[1])
+        _all(ITEMS["brick"], prepared["brick"].poses[:1])
+        _assert_same(_all(item, poses[:1]), wanted[2])
+        _assert_same(_all(item, poses), wanted[0])
+
+
+def test_memory_keeps_to_its_budget_and_forgets_what_was_used_longest_ago(
+    prepared: dict[str, PreparedItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    brick, can, cup_ = ITEMS["brick"], ITEMS["can"], ITEMS["turned cup"]
+    need = {}
+    for item in (brick, can, cup_):
+        memory = OrientationMemory(2**30)
+        monkeypatch.setattr(orientations, "RECENT", memory)
+        maps = _all(item, prepared[item.name].poses)
+        need[item.name] = memory.bytes
+        assert memory.bytes == sum(o.top.nbytes + o.bottom.nbytes for o in maps)
+    memory = OrientationMemory(sum(need.values()) - 1)
+    monkeypatch.setattr(orientations, "RECENT", memory)
+    first = {item.name: _all(item, prepared[item.name].poses) for item in (brick, can, brick, cup_)}
+    assert memory.bytes == need["brick"] + need["turned cup"]
+    again = _all(brick, prepared["brick"].poses)
+    assert all(a is b for a, b in zip(again, first["brick"], strict=True))
+    again = _all(can, prepared["can"].poses)
+    assert not any(a is b for a, b in zip(again, first["can"], strict=True))
+    assert memory.bytes <= memory.budget
+
+
+def test_two_items_of_one_mesh_hash_are_not_mixed_up(prepared: dict[str, PreparedItem]) -> None:
+    """``turned`` keeps the hash of the mesh that it turns."""
+    poses = prepared["brick"].poses[:1]
+    other = dataclasses.replace(turned(ITEMS["brick"], 7), name="other")
+    assert other.sha256 == ITEMS["brick"].sha256
+    _all(ITEMS["brick"], poses)
+    for oriented in _all(other, poses):
+        np.testing.assert_allclose(
+            oriented.extents, np.ptp(other.vertices @ oriented.rotation.T, axis=0), atol=1e-12
+        )
+
+
+def test_an_item_that_is_gone_takes_its_maps_along(
+    prepared: dict[str, PreparedItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = OrientationMemory(2**30)
+    monkeypatch.setattr(orientations, "RECENT", memory)
+    item = dataclasses.replace(ITEMS["brick"])
+    _all(item, prepared["brick"].poses)
+    assert memory.bytes > 0
+    del item
+    gc.collect()
+    assert memory.bytes == 0
