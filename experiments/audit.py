@@ -6,7 +6,6 @@ Stopped and started again with the same ``--out``, it goes on where it was.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import sys
@@ -18,17 +17,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import RowFile, row_key
-from experiments.workers import run_jobs
+from experiments.rows import row_key
+from experiments.runs import finish, load_items, order_options
 from packenv import __version__
 from packenv.audit import audit_plan, misstated_boxes
 from packenv.config import GridConfig
-from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.item_cache import ItemCache
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import read_plan, write_plan
 from packenv.planning.packer import by_box_volume, pack
@@ -66,9 +61,7 @@ class _Worker:
 
 def prepare(catalogue: str, container: Container) -> None:
     """Load the catalogue into this process."""
-    shelf, cache = open_catalogue(catalogue), ItemCache()
-    _Worker.meshes = {name: shelf.item(name) for name in shelf.names}
-    _Worker.items = {name: cache.prepare(item, GRID) for name, item in _Worker.meshes.items()}
+    _Worker.meshes, _Worker.items = load_items(catalogue, GRID)
     _Worker.container = container
 
 
@@ -132,15 +125,9 @@ def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def main() -> int:
     """Run, resume, print the summary; exit code 1 where any plan failed its audit or any job its run."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--catalogue", default="builtin")
+    parser = order_options((__doc__ or "").splitlines()[0], orders=1000, out="runs/audit.jsonl")
     parser.add_argument("--container", default="0.32x0.32x0.30")
-    parser.add_argument("--orders", type=int, default=1000)
     parser.add_argument("--sizes", type=int, nargs="+", default=[10])
-    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("runs/audit.jsonl"))
     arguments = parser.parse_args()
 
     container = parse_container(arguments.container, read_boxes())
@@ -159,21 +146,15 @@ def main() -> int:
         for index, order in enumerate(random_orders(names, size, arguments.orders, arguments.seed))
         for heuristic in arguments.heuristics
     ]
-    file = RowFile(arguments.out)
-    missing = [job for job in jobs if job.key not in file]
-    rows = run_jobs(
+    done, failed = finish(
         work,
-        missing,
+        jobs,
+        out=arguments.out,
         workers=arguments.workers,
         timeout=600,
         prepare=prepare,
         arguments=(arguments.catalogue, container),
     )
-    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
-        file.append(row)
-    wanted = {job.key for job in jobs}
-    done = [row for row in file if row["key"] in wanted]
-    failed = [row for row in done if "error" in row]
     summary = summarize(done)
     print(json.dumps({"rows": summary, "failed_jobs": failed}, indent=1))  # noqa: T201
     found = sum(row[name] for row in summary for name in FINDINGS)

@@ -1,0 +1,72 @@
+"""What experiments on random orders share: their options, and a run that goes on where it stopped."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from experiments.rows import RowFile
+from experiments.workers import run_jobs
+from packenv.config import GridConfig
+from packenv.geometry.prepare import PreparedItem
+from packenv.io.catalogues import open_catalogue
+from packenv.io.item_cache import ItemCache
+from packenv.planning.scores import HEURISTICS
+from packenv.types import Item
+
+
+def order_options(description: str, *, orders: int, out: str) -> argparse.ArgumentParser:
+    """A parser with the options of every experiment on random orders, and their defaults."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--orders", type=int, default=orders)
+    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path(out))
+    return parser
+
+
+def load_items(catalogue: str, grid: GridConfig) -> tuple[dict[str, Item], dict[str, PreparedItem]]:
+    """Every item of a catalogue, as it is and prepared, by name."""
+    opened, cache = open_catalogue(catalogue), ItemCache()
+    meshes = {name: opened.item(name) for name in opened.names}
+    return meshes, {name: cache.prepare(item, grid) for name, item in meshes.items()}
+
+
+def finish(
+    work: Callable[[Any], dict[str, Any]],
+    jobs: Sequence[Any],
+    *,
+    out: Path,
+    workers: int,
+    timeout: float,
+    prepare: Callable[..., None],
+    arguments: tuple[Any, ...],
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Do the jobs that have no row yet.
+
+    Args:
+        work: a job to its row.
+        jobs: each with a ``key``.
+        out: the file of rows.
+        workers: as in :func:`run_jobs`.
+        timeout: likewise, s.
+        prepare: likewise.
+        arguments: likewise.
+
+    Returns:
+        The rows of all these jobs, and those of them that tell of a failure.
+    """
+    file = RowFile(out)
+    missing = [job for job in jobs if job.key not in file]
+    rows = run_jobs(work, missing, workers=workers, timeout=timeout, prepare=prepare, arguments=arguments)
+    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
+        file.append(row)
+    wanted = {job.key for job in jobs}
+    done = [row for row in file if row["key"] in wanted]
+    return done, [row for row in done if "error" in row]
