@@ -76,7 +76,9 @@ class Planner:
         cell_size: m.
         constraints: in the order in which they are asked; none plans under non-overlap alone.
         perturbations: orientations of the fallback and of the 5D search; None has neither.
-        search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once.
+        search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once,
+            and asks for objections to an orientation only when a candidate of it comes up: so only those
+            are counted, and all legal candidates are, whether their orientation is of use or not.
         max_checked: candidates of one orientation set that are put to the constraints.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
@@ -220,14 +222,21 @@ class _Run:
     ) -> _Attempt:
         """PackOneItem (Alg. 3); the pile becomes the new one where it succeeds."""
         counts = Counter(rejections or ())
-        possible = [o for o in orientations if not self.objected(o, counts)]
+        lazily = self.planner.search == "5d"
+        asked: dict[OrientedItem, bool] = {}
+        possible = orientations if lazily else [o for o in orientations if not self.objected(o, counts)]
         if not possible:
             return _Attempt(None, counts)
         candidates = grid_search(self.pile.surface, possible, self.planner.step)
         if not len(candidates):
             return _Attempt(None, counts)
         scores = self.planner.heuristic(candidates, self.rng)
-        for index in self.ranked(scores):
+        in_turn = (
+            self.turns(candidates, scores, counts, asked)
+            if lazily
+            else self.ranked(scores, self.planner.max_checked)
+        )
+        for index in in_turn:
             trial = _trial(candidates, index)
             states: list[Any] = []
             details: dict[str, object] = {}
@@ -271,11 +280,49 @@ class _Run:
                 return True
         return False
 
-    def ranked(self, scores: FloatArray) -> Sequence[int]:
-        """Indices of the best candidates, best first; equal scores keep the candidates' order."""
+    def turns(
+        self,
+        candidates: Candidates,
+        scores: FloatArray,
+        counts: Counter[str],
+        asked: dict[OrientedItem, bool],
+    ) -> Iterator[int]:
+        """As :meth:`ranked`, but whole orientations are ruled out only when a candidate of theirs comes up.
+
+        Of the hundreds of orientations of the 5D search, few own one of the best candidates, and an
+        objection can cost more than the search itself.
+
+        Args:
+            candidates: the legal ones.
+            scores: theirs.
+            counts: rejections by reason so far; grows.
+            asked: whether an orientation has been objected to; grows.
+        """
+        left = np.arange(len(scores))
+        taken, batch = 0, self.planner.max_checked
+        while len(left):
+            best = left[self.ranked(scores[left], batch)]
+            for index in best:
+                oriented = candidates.grids[candidates.grid_index[index]].oriented
+                if oriented not in asked:
+                    asked[oriented] = self.objected(oriented, counts)
+                if asked[oriented]:
+                    continue
+                yield int(index)
+                taken += 1
+                if taken == self.planner.max_checked:
+                    return
+            barred = np.array([asked.get(grid.oriented, False) for grid in candidates.grids])
+            keep = ~barred[candidates.grid_index]
+            keep[best] = False
+            left = left[keep[left]]
+            batch *= 2  # where most orientations are of no use, many candidates have to be passed over
+
+    def ranked(self, scores: FloatArray, most: int) -> Sequence[int]:
+        """Indices of the ``most`` best candidates, best first; equal scores keep the candidates' order."""
         if not self.planner.constraints:
             return [int(np.argmin(scores))]
-        n = min(self.planner.max_checked, len(scores))
+        n = min(most, len(scores))
         bound = np.partition(scores, n - 1)[n - 1]
         best = np.flatnonzero(scores <= bound)
         order = best[np.argsort(scores[best], kind="stable")][:n]

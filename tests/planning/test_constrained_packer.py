@@ -495,6 +495,96 @@ def test_more_orientations_never_score_worse(heuristic: str, shelf: Shelf) -> No
         assert scores["5d"] <= scores["3d"] + 1e-9
 
 
+def plain_5d(
+    shelf: Shelf, names: Sequence[str], judge: Judge, heuristic: str, max_checked: int
+) -> list[tuple[Any, ...]]:
+    """The 5D search without any short cut: every candidate scored, sorted, and asked in turn.
+
+    Returns, for each item, (corner, rotation, score, candidates, rejections); without a place, rejections.
+    """
+    surface, state = ContainerMap.empty(BOX, GRID.cell_size), judge.start()
+    rng = np.random.default_rng(0)
+    answers: list[tuple[Any, ...]] = []
+    for name in names:
+        everything = [o for group in _groups(shelf, name) for o in group]
+        found = searched(surface, everything)
+        scores = HEURISTICS[heuristic](found, rng)
+        rejections, objected = Counter[str](), set()
+        placed = None
+        barred = [judge.objects_to(grid.oriented) for grid in found.grids]
+        for k in np.argsort(scores, kind="stable"):
+            if rejections["no"] == max_checked:
+                break
+            grid = int(found.grid_index[k])
+            if barred[grid]:
+                objected.add(grid)
+                continue
+            trial = Trial(found.grids[grid].oriented, int(found.ix[k]), int(found.iy[k]), float(found.z[k]))
+            if judge.rule(trial, state):
+                placed = (trial, float(scores[k]))
+                break
+            rejections["no"] += 1
+        rejections["orientation-objection"] = len(objected)
+        if placed is None:
+            answers.append((dict(+rejections),))
+            continue
+        trial, score = placed
+        surface = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+        state = (*state, trial)
+        answers.append(
+            (trial.corner.tolist(), trial.oriented.rotation.tolist(), score, len(found), dict(+rejections))
+        )
+    return answers
+
+
+def picky(share: float) -> Callable[[OrientedItem], bool]:
+    """Object to this share of orientations, the same ones at every call."""
+
+    def objects(oriented: OrientedItem) -> bool:
+        digest = np.frombuffer((np.round(oriented.rotation, 4) + 0.0).tobytes(), dtype=np.uint32)
+        return bool(np.random.default_rng([int(d) for d in digest]).random() < share)
+
+    return objects
+
+
+@pytest.mark.parametrize("heuristic", sorted(HEURISTICS))
+@pytest.mark.parametrize(
+    ("rejected", "objected", "max_checked"),
+    [(0.0, 0.0, 100), (0.9, 0.3, 100), (0.97, 0.97, 20), (0.9, 0.9, 3), (0.5, 1.0, 5), (1.0, 0.5, 7)],
+)
+def test_the_5d_search_is_the_plain_search(
+    rejected: float, objected: float, max_checked: int, heuristic: str, shelf: Shelf
+) -> None:
+    """Same places, same scores, same counts, though few orientations are asked about."""
+    names = ["book", "can", "cup", "brick", "tile"]
+    judge = Judge(by_lot(rejected), objects_to=picky(objected))
+    planned = planner(shelf, judge, heuristic=heuristic, search="5d", max_checked=max_checked)
+    packing = planned.pack(names, shelf.prepared, BOX)
+    wanted = dict(zip(names, plain_5d(shelf, names, judge, heuristic, max_checked), strict=True))
+    assert len(packing.placements) + len(packing.leftovers) == len(names)
+    for p in packing.placements:
+        found = (p.corner.tolist(), p.rotation.tolist(), p.score, p.candidates, p.rejections)
+        assert found == wanted[p.item]
+    for left in packing.leftovers:
+        assert (left.rejections,) == wanted[left.item]
+
+
+@pytest.mark.parametrize("heuristic", ["hm", "dblf", "mta", "minz"])
+def test_asking_late_and_asking_first_place_alike(heuristic: str, shelf: Shelf) -> None:
+    """As if the orientations that are objected to were not there."""
+    names = ["book", "can", "cup", "brick"]
+    late = planner(
+        shelf, Judge(by_lot(0.8), objects_to=picky(0.8)), heuristic=heuristic, search="5d", max_checked=30
+    ).pack(names, shelf.prepared, BOX)
+    without = dataclasses.replace(
+        planner(shelf, Judge(by_lot(0.8)), heuristic=heuristic, search="5d", max_checked=30),
+        perturbations=lambda name: [[o for o in g if not picky(0.8)(o)] for g in _groups(shelf, name)],
+    ).pack(names, shelf.prepared, BOX)
+    assert [pose[:-1] for pose in poses(late)] == [pose[:-1] for pose in poses(without)]
+    assert [p.checked for p in late.placements] == [p.checked for p in without.placements]
+    assert len(late.placements) >= 2
+
+
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])
 def test_5d_plans_are_legal(constraints: str, shelf: Shelf) -> None:
     names = ["book", "brick", "can", "cup"]
