@@ -1,0 +1,209 @@
+"""Drop an item on a pile and see whether it comes to rest where it was meant to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from packenv.geometry.transforms import yaw_rotation
+from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.rest import RestRule, RestWatch
+from packenv.sim.session import Pose
+from packenv.sim.world import World, WorldConfig
+from packenv.types import Container, FloatArray
+
+
+@dataclass(frozen=True)
+class DropRule:
+    """How far items may move in a drop, at any time of it.
+
+    Attributes:
+        shift: of the new item's centre of mass from where it was released, horizontally, m.
+        sink: of the same below its planned height, m; half as much above it counts as not seated.
+        turn: of the new item from how it was released, rad; of balls nothing is asked.
+        nudge: of the centre of mass of any item placed before, from where it lay, m.
+        settle: longest time for settling, s: what moves longer is no place to rest.
+        rest: when the world counts as at rest.
+    """
+
+    shift: float = 0.008
+    sink: float = 0.008
+    turn: float = math.radians(12.0)
+    nudge: float = 0.004
+    settle: float = 2.0
+    rest: RestRule = field(default_factory=RestRule)
+
+
+@dataclass(frozen=True)
+class Release:
+    """How an item is let go.
+
+    Attributes:
+        height: above its planned place, m.
+        offset: (x, y) from its planned place, m.
+        yaw: about the vertical through its centre of mass, rad.
+    """
+
+    height: float = 0.01
+    offset: tuple[float, float] = (0.0, 0.0)
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Lying:
+    """An item of the pile: what and where."""
+
+    item: PhysicsItem
+    pose: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Dropped:
+    """How a drop went.
+
+    Attributes:
+        reason: why the item did not come to rest in place, a word; "" where it did.
+        pile: the pile with the item as it came to rest; the one before where it did not.
+        shift_m: horizontal distance of the item's centre of mass from its release.
+        sink_m: how far it came to rest below its planned height, m.
+        turned_rad: from how it was released.
+        seconds: simulated.
+    """
+
+    reason: str
+    pile: tuple[Lying, ...]
+    shift_m: float
+    sink_m: float
+    turned_rad: float
+    seconds: float
+
+
+class DropTest:
+    """A scratch world for drops. Close it when done.
+
+    The world is kept from drop to drop: its items are put where the pile has them. So the same questions in
+    the same sequence have the same answers.
+    """
+
+    def __init__(self, container: Container, config: WorldConfig, rule: DropRule) -> None:
+        """Build floor and walls."""
+        self.rule = rule
+        self._world = World(container, config)
+        self._bodies: list[tuple[PhysicsItem, int]] = []
+        self._shows: tuple[Lying, ...] = ()
+
+    def close(self) -> None:
+        """Free the engine's memory."""
+        self._world.close()
+
+    def drop(
+        self,
+        pile: tuple[Lying, ...],
+        item: PhysicsItem,
+        rotation: FloatArray,
+        position: FloatArray,
+        how: Release,
+    ) -> Dropped:
+        """Release an item over its planned pose.
+
+        Args:
+            pile: what lies in the container.
+            item: the item.
+            rotation: (3, 3) mesh frame to container frame, planned.
+            position: (3,) planned, m.
+            how: height and error of the release.
+        """
+        world = self._world
+        self._lay(pile)
+        com = rotation @ item.com + position
+        turn = yaw_rotation(how.yaw)
+        release = com + np.array([*how.offset, how.height])
+        start = (turn @ rotation, release - turn @ rotation @ item.com)
+        world.sleep()
+        body = world.add(item, *start)
+        reason, seconds = self._watch(pile, item, body, start, float(com[2]))
+        now = world.pose(body)
+        landed = now[0] @ item.com + now[1]
+        after = pile
+        if not reason:
+            self._bodies.append((item, body))
+            poses = [world.pose(b) for _, b in self._bodies]
+            after = tuple(Lying(i, p) for (i, _), p in zip(self._bodies, poses, strict=True))
+            self._shows = after
+        else:
+            world.remove(body)
+            self._shows = ()
+        return Dropped(
+            reason,
+            after,
+            float(np.hypot(*(landed - release)[:2])),
+            float(com[2] - landed[2]),
+            _angle(start[0], now[0]),
+            seconds,
+        )
+
+    def _watch(
+        self, pile: Sequence[Lying], item: PhysicsItem, body: int, start: Pose, height: float
+    ) -> tuple[str, float]:
+        """Step until something has gone wrong or everything is at rest."""
+        world, rule = self._world, self.rule
+        release = start[0] @ item.com + start[1]
+        began, calm = world.time, RestWatch(world, rule.rest)
+        for k in range(round(rule.settle / world.config.time_step)):
+            world.step()
+            at_rest = calm.calm()
+            if k % _EVERY and not at_rest:
+                continue
+            now = world.pose(body)
+            com = now[0] @ item.com + now[1]
+            reason = ""
+            if np.hypot(*(com - release)[:2]) > rule.shift:
+                reason = "shifts"
+            elif com[2] < height - rule.sink:
+                reason = "sinks"
+            elif not item.radius and _angle(start[0], now[0]) > rule.turn:
+                reason = "turns"
+            elif self._nudge(pile) > rule.nudge:
+                reason = "nudges-pile"
+            elif at_rest and com[2] > height + rule.sink / 2.0:
+                reason = "sits-high"
+            if reason or at_rest:
+                return reason, world.time - began
+        return "restless", world.time - began
+
+    def _nudge(self, pile: Sequence[Lying]) -> float:
+        moved = 0.0
+        for lying, (item, body) in zip(pile, self._bodies, strict=True):
+            (r0, p0), (r1, p1) = lying.pose, self._world.pose(body)
+            moved = max(moved, float(np.linalg.norm(r1 @ item.com + p1 - r0 @ item.com - p0)))
+        return moved
+
+    def _lay(self, pile: tuple[Lying, ...]) -> None:
+        """Make the world hold just this pile, at rest."""
+        if self._shows is pile:
+            return
+        same = 0
+        for lying, (item, _) in zip(pile, self._bodies, strict=False):
+            if lying.item is not item:
+                break
+            same += 1
+        for _, body in self._bodies[same:]:
+            self._world.remove(body)
+        del self._bodies[same:]
+        for lying, (_, body) in zip(pile, self._bodies, strict=False):
+            self._world.move(body, *lying.pose)
+        for lying in pile[same:]:
+            self._bodies.append((lying.item, self._world.add(lying.item, *lying.pose)))
+        self._shows = pile
+
+
+_EVERY = 4
+"""Steps from one look at the items to the next."""
+
+
+def _angle(a: FloatArray, b: FloatArray) -> float:
+    cosine = (float(np.trace(a.T @ b)) - 1.0) / 2.0
+    return math.acos(min(1.0, max(-1.0, cosine)))

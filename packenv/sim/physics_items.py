@@ -1,0 +1,92 @@
+"""What physics needs of an item: convex parts or a ball, mass and inertia, in its principal frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from packenv.geometry.convex_parts import ConvexParts
+from packenv.types import FloatArray, Item
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsItem:
+    """An item as a rigid body.
+
+    The *body frame* has its origin in the centre of mass and its axes along the principal axes of inertia, so
+    that an engine needs no frame of its own for the inertia.
+
+    Attributes:
+        name: of the item.
+        mass: kg.
+        moments: (3,) principal moments of inertia about the centre of mass, kg m².
+        com: (3,) centre of mass in the mesh frame, m.
+        axes: (3, 3) body frame to mesh frame.
+        parts: (k, 3) vertices of each convex part in the body frame, m; empty for a ball.
+        radius: of a ball, m; 0 where the item is none.
+        ball_centre: (3,) in the body frame, m.
+        reach: largest distance of a point of the item from its centre of mass, m.
+    """
+
+    name: str
+    mass: float
+    moments: FloatArray
+    com: FloatArray
+    axes: FloatArray
+    parts: tuple[FloatArray, ...]
+    radius: float
+    ball_centre: FloatArray
+    reach: float
+
+    @classmethod
+    def of_item(cls, item: Item, convex: ConvexParts) -> PhysicsItem:
+        """Bring an item and its parts into the body frame."""
+        moments, axes = np.linalg.eigh(item.inertia)
+        if np.linalg.det(axes) < 0.0:
+            axes = axes * np.array([1.0, 1.0, -1.0])
+        parts = tuple((part - item.com) @ axes for part in convex.parts)
+        reach = max(float(np.linalg.norm(part, axis=1).max()) for part in parts)
+        ball = convex.ball
+        centre = np.zeros(3) if ball is None else (ball.centre - item.com) @ axes
+        return cls(
+            item.name,
+            item.mass,
+            moments,
+            item.com,
+            axes,
+            () if ball is not None else parts,
+            0.0 if ball is None else ball.radius,
+            centre,
+            reach,
+        )
+
+    def body_pose(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where the body frame is when the mesh frame is at (rotation, position).
+
+        Args:
+            rotation: (3, 3) mesh frame to world.
+            position: (3,) m.
+
+        Returns:
+            (3, 3) and (3,) of the body frame.
+        """
+        return rotation @ self.axes, rotation @ self.com + position
+
+    def mesh_pose(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Inverse of :meth:`body_pose`."""
+        mesh = rotation @ self.axes.T
+        return mesh, position - mesh @ self.com
+
+    def heavier(self, factor: float) -> PhysicsItem:
+        """The same shape with ``factor`` times the mass."""
+        return replace(self, mass=self.mass * factor, moments=self.moments * factor)
+
+    def bounds(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(3,) and (3,) smallest and largest coordinates at a pose of the mesh frame, m."""
+        turned, at = self.body_pose(rotation, position)
+        if self.radius > 0.0:
+            centre = turned @ self.ball_centre + at
+            return centre - self.radius, centre + self.radius
+        points = np.concatenate(self.parts) @ turned.T + at
+        return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,69 @@
+"""From the placements of a plan to what the robot shall do in physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from packenv.errors import PlanError
+from packenv.robot.cell import RIM_CLEARANCE, Cell
+from packenv.sim.disturbance import Disturbance
+from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.placing import PlacementTask
+from packenv.sim.session import Execution, ExecutionConfig, Session
+from packenv.types import Container, Placement
+
+RELEASE = 0.01
+"""Height above its place at which an item without a planned path is released, m (paper Sec. V-C)."""
+
+
+def task_of(placement: Placement, item: PhysicsItem, container: Container) -> PlacementTask:
+    """The task of one placement.
+
+    A plan that asked the robot tells joints; any other is carried out by an ideal hand without size.
+
+    Raises:
+        PlanError: the stated path is not one.
+    """
+    stated = placement.details.get("manipulation")
+    if not isinstance(stated, Mapping):
+        lift = max(container.height + RIM_CLEARANCE - float(placement.corner[2]), RELEASE)
+        heights = np.array([lift, RELEASE, 0.0])
+        return PlacementTask(item, placement.rotation, placement.position, None, heights)
+    try:
+        joints = np.asarray(stated["joints"], dtype=np.float64).reshape(-1, 6)
+        heights = np.asarray(stated["cup_heights"], dtype=np.float64).reshape(len(joints))
+    except (KeyError, TypeError, ValueError):
+        joints, heights = np.empty((0, 6)), np.empty(0)
+    if len(joints) < 3 or not (np.isfinite(joints).all() and np.isfinite(heights).all()):
+        raise PlanError(
+            f"{placement.item}: details.manipulation tells no path of three or more waypoints, plan again"
+        )
+    return PlacementTask(item, placement.rotation, placement.position, joints, heights)
+
+
+def run_tasks(
+    tasks: Sequence[PlacementTask],
+    cell: Cell,
+    config: ExecutionConfig,
+    urdf: Path | None,
+    disturbance: Disturbance | None = None,
+) -> Execution:
+    """Carry tasks out one after another, open loop, up to the first collision.
+
+    Args:
+        tasks: in packing sequence.
+        cell: container and robot.
+        config: settings of the nominal world.
+        urdf: of the robot; None where no task has joints.
+        disturbance: makes world and tasks differ from what was planned.
+    """
+    settings = config if disturbance is None else disturbance.config(config)
+    with Session(cell, settings, urdf) as session:
+        for step, task in enumerate(tasks, start=1):
+            session.place(task if disturbance is None else disturbance.task(task, step))
+            if session.failed:
+                break
+        return session.result()

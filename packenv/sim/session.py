@@ -1,0 +1,240 @@
+"""A packing in physics, item by item: what was placed, where it ended, and whether all went well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from packenv.robot.cell import Cell
+from packenv.sim.placing import MotionConfig, Placed, PlacementTask, place
+from packenv.sim.robot_model import RobotModel
+from packenv.sim.world import World, WorldConfig
+from packenv.types import Container, FloatArray
+
+Cause: TypeAlias = Literal["collision", "item-displaced", "item-out"]
+Pose: TypeAlias = tuple[FloatArray, FloatArray]
+
+OUT = 0.002
+"""An item whose hull is farther outside the container than this is out, m: a cell of the heightmaps."""
+DISPLACED = 0.01
+"""An item whose centre of mass is farther than this from where it was planned is displaced, m."""
+
+
+@dataclass(frozen=True)
+class ExecutionConfig:
+    """The settings of an execution.
+
+    Attributes:
+        world: physics.
+        motion: robot, release, rest.
+    """
+
+    world: WorldConfig = field(default_factory=WorldConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+
+
+@dataclass(frozen=True, eq=False)
+class ItemOutcome:
+    """What became of one item.
+
+    Attributes:
+        item: its name.
+        planned: pose of the mesh frame in the plan, (3, 3) and (3,) m.
+        measured: the same once it had settled.
+        drop_m: how far its centre of mass fell from the release, m.
+        shift_m: horizontal distance of its centre of mass from where it was planned, m.
+        turned_rad: angle between planned and measured orientation.
+        settle_s: simulated seconds until everything was at rest.
+        at_rest: False where something still moved when the time ran out.
+        deepest_m: the deepest contact while the robot moved, m; None without any.
+        met: what it was with: an item's name or ``container``, "" without any.
+        collided: the robot or the held item went deeper than the tolerance.
+        moved: items that were placed before and moved by more than ``DISPLACED`` meanwhile, by index.
+    """
+
+    item: str
+    planned: Pose
+    measured: Pose
+    drop_m: float
+    shift_m: float
+    turned_rad: float
+    settle_s: float
+    at_rest: bool
+    deepest_m: float | None
+    met: str
+    collided: bool
+    moved: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What physics made of a plan (paper Sec. V-C).
+
+    Attributes:
+        success: neither robot nor held item collided, and at the end every item is inside the container.
+        cause: why not: ``collision`` while placing; ``item-displaced``: a collision with an item that had
+            left its planned place, or a displaced item that is out; ``item-out``: an item sticks out though
+            it is where it was planned.
+        detail: one phrase for people.
+        items: outcomes in packing sequence, up to the collision where there was one.
+        final: measured pose of every item at the end.
+        simulated_s: simulated time.
+    """
+
+    success: bool
+    cause: Cause | None
+    detail: str
+    items: tuple[ItemOutcome, ...]
+    final: tuple[Pose, ...]
+    simulated_s: float
+
+
+class Session:
+    """A container, a robot and the items placed so far. Close it, or use it in a ``with`` statement."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        config: ExecutionConfig,
+        urdf: Path | None,
+        *,
+        gui: bool = False,
+        watch: Callable[[World], None] | None = None,
+    ) -> None:
+        """Build the world.
+
+        Args:
+            cell: container and robot.
+            config: settings.
+            urdf: of the robot; None where no task has joints.
+            gui: open PyBullet's window.
+            watch: called after every step, for cameras.
+        """
+        self.cell, self.config = cell, config
+        self.world = World(cell.container, config.world, gui=gui)
+        self._robot = None if urdf is None else RobotModel(self.world, cell, urdf)
+        self._watch = None if watch is None else lambda: watch(self.world)
+        self._outcomes: list[ItemOutcome] = []
+        self._bodies: list[int] = []
+        self._collision: tuple[Cause, str] | None = None
+
+    def __enter__(self) -> Session:
+        """This session."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.world.close()
+
+    @property
+    def container(self) -> Container:
+        """The box."""
+        return self.cell.container
+
+    @property
+    def failed(self) -> bool:
+        """True after a collision: the robot has stopped."""
+        return self._collision is not None
+
+    def measured(self) -> tuple[Pose, ...]:
+        """Poses of the placed items' mesh frames now."""
+        return tuple(self.world.pose(body) for body in self._bodies)
+
+    def add_at_rest(self, task: PlacementTask) -> None:
+        """Put an item where it is said to lie, without robot: the pile that a test begins with."""
+        self._bodies.append(self.world.add(task.item, task.rotation, task.position))
+
+    def place(self, task: PlacementTask) -> ItemOutcome:
+        """Bring one item in and wait for rest."""
+        before = self.measured()
+        placed = place(self.world, self._robot, self.cell, task, self.config.motion, self._watch)
+        self._bodies.append(placed.body)
+        now = self.measured()
+        moved = tuple(
+            k for k, (a, b) in enumerate(zip(before, now, strict=False)) if self._travel(k, a, b) > DISPLACED
+        )
+        outcome = self._outcome(task, placed, now[-1], moved)
+        if placed.collided is not None:
+            self._collision = self._blame(task, placed)
+        self._outcomes.append(outcome)
+        return outcome
+
+    def result(self) -> Execution:
+        """Judge by the paper's two criteria."""
+        final = self.measured()
+        outcomes = tuple(self._outcomes)
+        cause, detail = self._collision or self._out(final) or (None, "")
+        return Execution(cause is None, cause, detail, outcomes, final, self.world.time)
+
+    def _com(self, k: int, pose: Pose) -> FloatArray:
+        item = self.world.item_of(self._bodies[k])
+        assert item is not None
+        com: FloatArray = pose[0] @ item.com + pose[1]
+        return com
+
+    def _travel(self, k: int, a: Pose, b: Pose) -> float:
+        return float(np.linalg.norm(self._com(k, a) - self._com(k, b)))
+
+    def _outcome(self, task: PlacementTask, placed: Placed, now: Pose, moved: tuple[int, ...]) -> ItemOutcome:
+        k = len(self._bodies) - 1
+        planned = (task.rotation, task.position)
+        away = self._com(k, now) - self._com(k, planned)
+        drop = self._com(k, placed.released) - self._com(k, now)
+        cosine = (np.trace(now[0].T @ task.rotation) - 1.0) / 2.0
+        deepest = placed.deepest
+        return ItemOutcome(
+            item=task.item.name,
+            planned=planned,
+            measured=now,
+            drop_m=float(drop[2]),
+            shift_m=float(np.hypot(away[0], away[1])),
+            turned_rad=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+            settle_s=placed.settled.seconds,
+            at_rest=placed.settled.at_rest,
+            deepest_m=None if deepest is None else deepest.depth,
+            met="" if deepest is None else self._name(deepest.other),
+            collided=placed.collided is not None,
+            moved=moved,
+        )
+
+    def _name(self, body: int) -> str:
+        item = self.world.item_of(body)
+        return "container" if item is None else item.name
+
+    def _displaced(self, k: int) -> bool:
+        if k >= len(self._outcomes):
+            return False
+        return self._travel(k, self._outcomes[k].planned, self.measured()[k]) > DISPLACED
+
+    def _blame(self, task: PlacementTask, placed: Placed) -> tuple[Cause, str]:
+        touch = placed.collided
+        assert touch is not None
+        mover = "the robot" if touch.body != placed.body else task.item.name
+        depth = f"{touch.depth * 1e3:.1f} mm deep"
+        if touch.other in self._bodies and self._displaced(self._bodies.index(touch.other)):
+            return (
+                "item-displaced",
+                f"{mover} met {self._name(touch.other)}, which had left its place, {depth}",
+            )
+        return "collision", f"{mover} met {self._name(touch.other)} {depth}"
+
+    def _out(self, final: tuple[Pose, ...]) -> tuple[Cause, str] | None:
+        for k, (body, (rotation, position)) in enumerate(zip(self._bodies, final, strict=True)):
+            item = self.world.item_of(body)
+            assert item is not None
+            low, high = item.bounds(rotation, position)
+            over = max(float((-low).max()), float((high - np.array(self.container.size)).max()))
+            if over > OUT:
+                cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
+                return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"
+        return None

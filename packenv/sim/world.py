@@ -1,0 +1,315 @@
+"""A PyBullet world with a container in it, built anew for every run.
+
+Bullet keeps a skin of 1 mm around every convex shape and was made for bodies of decimetres to metres. The
+world is therefore simulated ``SCALE`` times as large, gravity with it: the skin is then 0.1 mm of the
+item, thinner than the gaps that the planner leaves. Times, masses and friction stay; whoever uses
+:class:`World` sees metres, kilograms and seconds alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pybullet
+
+from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
+from packenv.sim.physics_items import PhysicsItem
+from packenv.types import Container, FloatArray
+
+SCALE = 10.0
+"""Lengths in the engine over lengths in metres."""
+GRAVITY = 9.81
+"""m/s²."""
+_WALL = 0.05
+"""Thickness of floor and walls, outward, m."""
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """The settings of a world.
+
+    Attributes:
+        mu: coefficient of friction between any two surfaces.
+        rolling: lever arm of rolling resistance, m: a ball under the load N feels the torque N · rolling.
+        time_step: s.
+        iterations: of the contact solver, a step.
+        breaking: contacts are kept while the surfaces are nearer than this, m.
+    """
+
+    mu: float = 0.7
+    rolling: float = 0.0005
+    time_step: float = 1.0 / 240.0
+    iterations: int = 50
+    breaking: float = 0.004
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """A contact of two bodies.
+
+    Attributes:
+        body: the body that was asked for.
+        other: the other body.
+        link: of ``body``, -1 for a body of one link.
+        depth: how far the surfaces are in each other, m; negative where they are apart.
+        point: (3,) on ``other``, m.
+        normal: (3,) unit, from ``other`` into ``body``.
+    """
+
+    body: int
+    other: int
+    link: int
+    depth: float
+    point: FloatArray
+    normal: FloatArray
+
+
+class World:
+    """Floor, walls and items under gravity. Close it, or use it in a ``with`` statement."""
+
+    def __init__(self, container: Container, config: WorldConfig | None = None, *, gui: bool = False) -> None:
+        """Build floor and walls.
+
+        Args:
+            container: its frame is the world's.
+            config: settings.
+            gui: open PyBullet's window.
+        """
+        self.config = config or WorldConfig()
+        self.container = container
+        self.time = 0.0
+        self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        self._folder = tempfile.TemporaryDirectory(prefix="robotpack-")
+        self._items: dict[int, PhysicsItem] = {}
+        self._shapes: dict[PhysicsItem, int] = {}
+        p, c = pybullet, self._client
+        # The breaking threshold belongs to the process, so it is set anew for every world.
+        p.setPhysicsEngineParameter(
+            fixedTimeStep=self.config.time_step,
+            numSolverIterations=self.config.iterations,
+            contactBreakingThreshold=self.config.breaking * SCALE,
+            deterministicOverlappingPairs=1,
+            physicsClientId=c,
+        )
+        p.setGravity(0.0, 0.0, -GRAVITY * SCALE, physicsClientId=c)
+        self.fixed = tuple(self._add_wall(*box) for box in _walls(container))
+
+    def __enter__(self) -> World:
+        """This world."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Free the engine's memory; twice is fine."""
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+            self._client = -1
+            self._folder.cleanup()
+
+    @property
+    def client(self) -> int:
+        """PyBullet's number of this world, for cameras."""
+        return self._client
+
+    @property
+    def items(self) -> tuple[int, ...]:
+        """Bodies of the items, in the sequence in which they came."""
+        return tuple(self._items)
+
+    def item_of(self, body: int) -> PhysicsItem | None:
+        """The item that a body is; None for others."""
+        return self._items.get(body)
+
+    def add(self, item: PhysicsItem, rotation: FloatArray, position: FloatArray) -> int:
+        """Put an item at a pose of its mesh frame, at rest.
+
+        Args:
+            item: the item.
+            rotation: (3, 3) mesh frame to container frame.
+            position: (3,) m.
+
+        Returns:
+            its body.
+        """
+        p, c = pybullet, self._client
+        if item not in self._shapes:
+            self._shapes[item] = self._shape(item)
+        shape = self._shapes[item]
+        body = p.createMultiBody(item.mass, shape, physicsClientId=c)
+        p.changeDynamics(
+            body,
+            -1,
+            localInertiaDiagonal=(item.moments * SCALE**2).tolist(),
+            linearDamping=0.0,
+            angularDamping=0.0,
+            **self._surface(),
+            physicsClientId=c,
+        )
+        self._items[body] = item
+        self.move(body, rotation, position)
+        return int(body)
+
+    def move(
+        self, body: int, rotation: FloatArray, position: FloatArray, velocity: FloatArray | None = None
+    ) -> None:
+        """Put a body at a pose of its mesh frame, with a velocity (m/s), not turning."""
+        turned, at = self._items[body].body_pose(rotation, position)
+        p, c = pybullet, self._client
+        quaternion = rotation_to_quaternion(turned).tolist()
+        p.resetBasePositionAndOrientation(body, (at * SCALE).tolist(), quaternion, physicsClientId=c)
+        linear = np.zeros(3) if velocity is None else velocity * SCALE
+        p.resetBaseVelocity(body, linear.tolist(), [0.0, 0.0, 0.0], physicsClientId=c)
+
+    def remove(self, body: int) -> None:
+        """Take an item out."""
+        pybullet.removeBody(body, physicsClientId=self._client)
+        del self._items[body]
+
+    def sleep(self) -> None:
+        """Hold every item where it is until something touches it, or :meth:`wake`: for a world at rest.
+
+        Bullet wakes an item that an awake one touches, and with it all that touch it in turn.
+        """
+        p, c = pybullet, self._client
+        for body in self._items:
+            p.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=c)
+            for state in (p.ACTIVATION_STATE_ENABLE_SLEEPING, p.ACTIVATION_STATE_SLEEP):
+                p.changeDynamics(body, -1, activationState=state, physicsClientId=c)
+
+    def wake(self) -> None:
+        """Let every item move, and none fall asleep."""
+        for body in self._items:
+            pybullet.changeDynamics(
+                body,
+                -1,
+                activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+                physicsClientId=self._client,
+            )
+
+    def step(self) -> None:
+        """One time step."""
+        pybullet.stepSimulation(physicsClientId=self._client)
+        self.time += self.config.time_step
+
+    def pose(self, body: int) -> tuple[FloatArray, FloatArray]:
+        """(3, 3) and (3,) of a body's mesh frame, m."""
+        at, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        turned = quaternion_to_rotation(np.array(quaternion))
+        return self._items[body].mesh_pose(turned, np.array(at) / SCALE)
+
+    def speed(self, body: int) -> float:
+        """A bound on the speed of any point of an item, m/s."""
+        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+        return math.hypot(*linear) / SCALE + math.hypot(*angular) * self._items[body].reach
+
+    def touches(self, body: int) -> list[Touch]:
+        """Contacts of a body, as of the last step."""
+        found: Sequence[Any] = pybullet.getContactPoints(bodyA=body, physicsClientId=self._client)
+        return [
+            Touch(
+                int(t[1]), int(t[2]), int(t[3]), -float(t[8]) / SCALE, np.array(t[6]) / SCALE, np.array(t[7])
+            )
+            for t in found
+        ]
+
+    def overlap(self, first: int, second: int) -> float:
+        """How far two bodies are in each other now, m; negative or -inf where they are apart.
+
+        Bullet carries contacts from step to step along the normal with which they began. Past the edge of a
+        rim that is no depth at all; this asks the geometry anew.
+        """
+        found = pybullet.getClosestPoints(first, second, 0.0, physicsClientId=self._client)
+        return max((-float(t[8]) / SCALE for t in found), default=-math.inf)
+
+    def ignore_pair(self, first: int, second: int) -> None:
+        """Let two bodies pass through each other, all their links."""
+        p, c = pybullet, self._client
+        for a in range(-1, p.getNumJoints(first, physicsClientId=c)):
+            for b in range(-1, p.getNumJoints(second, physicsClientId=c)):
+                p.setCollisionFilterPair(first, second, a, b, 0, physicsClientId=c)
+
+    def notice_pair(self, first: int, second: int) -> None:
+        """Undo :meth:`ignore_pair`."""
+        p, c = pybullet, self._client
+        for a in range(-1, p.getNumJoints(first, physicsClientId=c)):
+            for b in range(-1, p.getNumJoints(second, physicsClientId=c)):
+                p.setCollisionFilterPair(first, second, a, b, 1, physicsClientId=c)
+
+    def _surface(self) -> dict[str, float]:
+        """Friction of one body: Bullet multiplies the two of a contact, and adds rolling crosswise."""
+        own = math.sqrt(self.config.mu)
+        rolling = self.config.rolling * SCALE / (2.0 * own) if own > 0.0 else 0.0
+        return {"lateralFriction": own, "rollingFriction": rolling, "restitution": 0.0}
+
+    def _shape(self, item: PhysicsItem) -> int:
+        p, c = pybullet, self._client
+        if item.radius > 0.0:
+            shape = p.createCollisionShape(
+                p.GEOM_SPHERE,
+                radius=item.radius * SCALE,
+                collisionFramePosition=(item.ball_centre * SCALE).tolist(),
+                physicsClientId=c,
+            )
+        else:
+            path = self._parts_file(item)
+            shape = p.createCollisionShape(p.GEOM_MESH, fileName=str(path), physicsClientId=c)
+        if shape < 0:
+            raise RuntimeError(f"PyBullet made no shape of {item.name}")
+        return int(shape)
+
+    def _parts_file(self, item: PhysicsItem) -> Path:
+        """One OBJ with an ``o`` a part; named by content, for Bullet never reads a path again."""
+        text = _obj_text([part * SCALE for part in item.parts])
+        path = Path(self._folder.name) / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.obj"
+        if not path.exists():
+            path.write_text(text, encoding="ascii")
+        return path
+
+    def _add_wall(self, half: tuple[float, float, float], centre: tuple[float, float, float]) -> int:
+        p, c = pybullet, self._client
+        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[h * SCALE for h in half], physicsClientId=c)
+        body = p.createMultiBody(0.0, shape, basePosition=[x * SCALE for x in centre], physicsClientId=c)
+        p.changeDynamics(body, -1, **self._surface(), physicsClientId=c)
+        return int(body)
+
+
+def _walls(container: Container) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
+    """Half extents and centre of the floor and the four walls, m."""
+    length, width, height = container.size
+    t = _WALL
+    floor = ((length / 2 + t, width / 2 + t, t / 2), (length / 2, width / 2, -t / 2))
+    across, along = (t / 2, width / 2 + t, height / 2), (length / 2, t / 2, height / 2)
+    return [
+        floor,
+        *((across, (x, width / 2, height / 2)) for x in (-t / 2, length + t / 2)),
+        *((along, (length / 2, y, height / 2)) for y in (-t / 2, width + t / 2)),
+    ]
+
+
+def _obj_text(parts: Sequence[FloatArray]) -> str:
+    """An OBJ with one ``o`` a part. Bullet takes the hull of the points that faces name, so any faces do."""
+    lines, first = [], 1
+    for k, part in enumerate(parts):
+        lines.append(f"o part_{k:03d}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in part.tolist()]
+        n = len(part)
+        corners = [[min(i + j, n - 1) + first for j in range(3)] for i in range(0, n, 3)]
+        lines += [f"f {a} {b} {c}" for a, b, c in corners]
+        first += n
+    return "\n".join(lines) + "\n"
