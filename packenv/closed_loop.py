@@ -1,23 +1,27 @@
-"""Closed loop: look at the pile after every placement, and plan the rest anew when something moved."""
+"""Closed loop: look at the pile after every placement, and plan anew what no longer fits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
+from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning import cup_kernels
+from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Packing, Pile, Planner
+from packenv.planning.replay import replay
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import task_of
-from packenv.sim.session import Execution, Pose, Session
+from packenv.sim.session import Execution, Session
 from packenv.types import Item, Leftover, Placement
 
-MOVED = 0.002
-"""Items that are farther than this from where they are believed to be call for a new plan, m: a cell."""
+DEEPER = 0.003
+"""How much deeper or higher than planned an item may come to lie before the rest is planned anew, m."""
+ASIDE = 2
+"""Cells by which an item may be off sideways: what comes nearer than that calls for a new plan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +56,10 @@ def run_closed_loop(
     disturbance: Disturbance | None = None,
     watch: Callable[[Packing], None] | None = None,
 ) -> ClosedLoopResult:
-    """Carry out a plan; after every placement compare the measured poses with those believed.
+    """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
-    Where an item is farther than ``MOVED`` from where the plan has it, the measured poses become the
-    heightmap and the rest of the order is planned anew, in the sequence in which it was planned.
+    The measured poses become the heightmap. Where the next placement does not fit it any more, the rest of
+    the order is planned anew on it, in the sequence in which it was planned.
 
     Args:
         planner: plans the rest.
@@ -67,48 +71,65 @@ def run_closed_loop(
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
         watch: called with every new plan.
     """
-    waiting = list(packing.placements)
+    container, cell = session.container, planner.cell_size
+    waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
     leftovers = packing.leftovers
     done: list[Placement] = []
-    believed: list[Pose] = []
     plans = 1
     while waiting and not session.failed:
-        placement = waiting.pop(0)
-        task = task_of(placement, physics[placement.item], session.container)
+        placement, _ = waiting.pop(0)
+        task = task_of(placement, physics[placement.item], container)
         session.place(task if disturbance is None else disturbance.task(task, len(done) + 1))
         done.append(placement)
-        believed.append((placement.rotation, placement.position))
-        measured = session.measured()
-        if not waiting or session.failed or not _moved(done, believed, measured, physics):
-            continue
+        if session.failed or not (waiting or leftovers):
+            break
         resting = [
             Resting(meshes[p.item], rotation, position)
-            for p, (rotation, position) in zip(done, measured, strict=True)
+            for p, (rotation, position) in zip(done, session.measured(), strict=True)
         ]
-        surface = measured_map(session.container, planner.cell_size, resting)
+        surface = measured_map(container, cell, resting)
+        if waiting:
+            following, believed = waiting[0]
+            if _still_good(following, meshes[following.item], believed, surface, planner.play):
+                continue
         start = Pile(surface, tuple(c.start(resting) for c in planner.constraints))
-        names = [p.item for p in waiting] + [left.item for left in leftovers]
-        again = planner.pack(names, prepared, session.container, start)
+        names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
+        again = planner.pack(names, prepared, container, start)
         plans += 1
         if watch is not None:
             watch(again)
-        waiting, leftovers = list(again.placements), again.leftovers
-        believed = list(measured)
+        waiting, leftovers = _expected(again, surface, meshes), again.leftovers
     return ClosedLoopResult(session.result(), tuple(done), leftovers, plans)
 
 
-def _moved(
-    done: Sequence[Placement],
-    believed: Sequence[Pose],
-    measured: Sequence[Pose],
-    physics: Mapping[str, PhysicsItem],
+def _expected(
+    packing: Packing, before: ContainerMap, meshes: Mapping[str, Item]
+) -> list[tuple[Placement, ContainerMap]]:
+    """Placements, each with the heightmap on which it was planned."""
+    placements = packing.placements
+    surfaces = packing.surfaces or replay(placements, meshes, packing.container, before.cell_size)
+    return list(zip(placements, (before, *surfaces[:-1]), strict=True)) if placements else []
+
+
+def _still_good(
+    placement: Placement, mesh: Item, believed: ContainerMap, measured: ContainerMap, play: float
 ) -> bool:
-    """Whether any item is not where it is believed to be."""
-    for placement, (r0, p0), (r1, p1) in zip(done, believed, measured, strict=True):
-        item = physics[placement.item]
-        # As if the item's own ball turned with it: a bound on how far any of its points is off.
-        away = float(np.linalg.norm(r1 @ item.com + p1 - r0 @ item.com - p0))
-        turn = float(np.linalg.norm(r1 - r0)) / np.sqrt(2.0)
-        if away + (0.0 if item.radius else turn * item.reach) > MOVED:
-            return True
-    return False
+    """Whether a planned placement fits what the container really holds.
+
+    It must lie as deep as planned, and nothing may have come nearer: at the release, and off by ``ASIDE``
+    cells, it clears all that it was to clear.
+    """
+    oriented = orient_item(mesh, placement.rotation, cell_size=measured.cell_size)
+    x, y, z = (placement.position - oriented.offset).tolist()
+    ix, iy = round(x / measured.cell_size), round(y / measured.cell_size)
+    (w, h), (nx, ny) = oriented.bottom.shape, measured.heights.shape
+    if ix < 0 or iy < 0 or ix + w > nx or iy + h > ny:
+        return False
+
+    def lowest(surface: ContainerMap) -> float:
+        return float(cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy))
+
+    if abs(lowest(measured) - z) > DEEPER:
+        return False
+    around = lowest(measured.spread(ASIDE))
+    return bool(around <= max(z + play, lowest(believed.spread(ASIDE)) + DEEPER))

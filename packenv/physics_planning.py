@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+from packenv.config import GridConfig
+from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, clearances
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
+from packenv.planning.measured import Resting, measured_map
+from packenv.planning.packer import Planner, Tier
+from packenv.planning.stability_constraint import StabilityConstraint
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
-from packenv.types import Container, OrientedItem
-
-NOMINAL = (Release(),)
-"""One drop, released exactly over its place."""
+from packenv.types import Container, Item, OrientedItem
 
 CAREFUL = (
     Release(offset=(0.003, 0.003), yaw=math.radians(1.5)),
@@ -23,6 +25,40 @@ CAREFUL = (
     Release(),
 )
 """Two drops with errors of the size that a robot makes, and the exact one."""
+EXACT = (Release(),)
+"""One drop, released exactly over its place."""
+
+STRICT = DropRule()
+"""The item comes to rest where it was planned."""
+LENIENT = DropRule(shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
+"""The item comes to rest near its place and leaves the others where they are: for those that come last."""
+ANYHOW = DropRule(math.inf, math.inf, math.inf, math.inf, restless=True)
+"""Whatever comes of it."""
+
+_DROPPED = 30
+"""Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
+
+
+class Scratch:
+    """The scratch world that several constraints share, built when the first candidate comes."""
+
+    def __init__(self, container: Container, config: WorldConfig) -> None:
+        """Keep what is needed."""
+        self._container, self._config = container, config
+        self._test: DropTest | None = None
+
+    @property
+    def test(self) -> DropTest:
+        """The world."""
+        if self._test is None:
+            self._test = DropTest(self._container, self._config)
+        return self._test
+
+    def close(self) -> None:
+        """Free the engine's memory."""
+        if self._test is not None:
+            self._test.close()
+            self._test = None
 
 
 class PhysicsConstraint:
@@ -35,24 +71,22 @@ class PhysicsConstraint:
     def __init__(
         self,
         items: Mapping[str, PhysicsItem],
-        container: Container,
-        world: WorldConfig | None = None,
-        rule: DropRule | None = None,
+        scratch: Scratch,
+        meshes: Mapping[str, Item],
+        rule: DropRule = STRICT,
         releases: Sequence[Release] = CAREFUL,
     ) -> None:
-        """Keep what is needed; the world is built when the first candidate comes.
+        """Keep what is needed.
 
         Args:
             items: what physics needs of every item of the order, by name.
-            container: the box.
-            world: settings of the scratch world.
+            meshes: the same items, as the geometry that is planned with.
+            scratch: the world.
             rule: what counts as resting in place.
             releases: how each candidate is dropped; the last one is the one that is planned on.
         """
-        self._items, self._container = items, container
-        self._config, self._rule = world or WorldConfig(), rule or DropRule()
+        self._items, self._meshes, self._scratch, self._rule = items, meshes, scratch, rule
         self._releases = tuple(releases)
-        self._test: DropTest | None = None
 
     @property
     def name(self) -> str:
@@ -61,7 +95,7 @@ class PhysicsConstraint:
 
     def start(self, resting: Sequence[Resting] = ()) -> tuple[Lying, ...]:
         """The pile to begin with, in a world of its own."""
-        self.close()
+        self._scratch.close()
         return tuple(Lying(self._items[p.item.name], (p.rotation, p.position)) for p in resting)
 
     def objection(self, oriented: OrientedItem) -> str | None:
@@ -70,11 +104,11 @@ class PhysicsConstraint:
 
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Drop the candidate."""
-        if self._test is None:
-            self._test = DropTest(self._container, self._config, self._rule)
         item = self._items[trial.oriented.item]
         for how in self._releases:
-            dropped = self._test.drop(state, item, trial.oriented.rotation, trial.position, how)
+            dropped = self._scratch.test.drop(
+                state, item, trial.oriented.rotation, trial.position, how, self._rule
+            )
             if dropped.reason:
                 return Verdict(False, f"physics-{dropped.reason}")
         details = {
@@ -82,10 +116,55 @@ class PhysicsConstraint:
             "sink_m": round(dropped.sink_m, 6),
             "turned_deg": round(math.degrees(dropped.turned_rad), 3),
         }
-        return Verdict(True, state=dropped.pile, details=details)
+        # Where it was meant to be and where physics has it: what comes next must clear both.
+        meant = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+        landed = Resting(self._meshes[trial.oriented.item], *dropped.pile[-1].pose)
+        known = measured_map(surface.container, surface.cell_size, [landed], meant)
+        return Verdict(True, state=dropped.pile, details=details, surface=known)
 
-    def close(self) -> None:
-        """Free the scratch world."""
-        if self._test is not None:
-            self._test.close()
-            self._test = None
+
+def make_planner(
+    choice: PlannerChoice,
+    shelf: Shelf,
+    container: Container,
+    grid: GridConfig,
+    physics: Mapping[str, PhysicsItem],
+    world: WorldConfig | None = None,
+) -> Planner:
+    """The planner that a choice names, ``stability`` ``physics`` included.
+
+    Physics is asked in tiers. First what also stands by a margin on its own, for nearly all of that comes to
+    rest in a drop; then the rest of what stands. An item that finds no place so waits until the others are
+    placed, and may then come to rest a little off; if nothing helps, equilibrium alone decides, as without
+    physics.
+
+    Args:
+        choice: what the user chose.
+        shelf: every item of the order, as the geometry that is planned with.
+        container: the box.
+        grid: the discretization that ``shelf.prepared`` was made with.
+        physics: every item of the order, for physics; read for ``physics`` alone.
+        world: of the scratch world.
+    """
+    if choice.stability != "physics":
+        return assemble(choice, shelf, container, grid)
+    planner = assemble(replace(choice, stability="paper"), shelf, container, grid)
+    scratch = Scratch(container, world or WorldConfig())
+    strict = PhysicsConstraint(physics, scratch, shelf.meshes)
+    lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
+    anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)
+    static = planner.constraints
+    wary = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
+    levels = clearances(choice, grid)
+    first = [
+        tier
+        for cells in levels
+        for tier in (Tier(cells, (*wary, strict)), Tier(cells, (*static, strict), _DROPPED))
+    ]
+    eased = [Tier(cells, (*static, lenient), _DROPPED) for cells in levels]
+    return replace(
+        planner,
+        constraints=(*static, strict),
+        tiers=first,
+        last_tiers=(*first, *eased, Tier(0, (*static, anyhow))),
+    )

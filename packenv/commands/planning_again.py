@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, get_args
 from packenv.commands.loading import load_fields, prepare_items
 from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
-from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule, assemble
-from packenv.planning.constraints import Constraint
+from packenv.physics_planning import make_planner
+from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
-from packenv.planning.packer import Packing, Planner
+from packenv.planning.packer import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability_constraint import ContactRule
 from packenv.types import Item, Plan
@@ -61,13 +61,8 @@ class Again:
         self._plan, self._items, self._physics = plan, items, physics
         self._prepared = prepare_items(items, grid)
         fields = load_fields(items) if choice.constraints != "overlap" else {}
-        extra: tuple[Constraint, ...] = ()
-        if choice.stability == "physics":
-            from packenv.physics_planning import PhysicsConstraint
-
-            extra = (PhysicsConstraint(physics, plan.container, config.world),)
         shelf = Shelf(items, self._prepared, fields)
-        self._planner: Planner = assemble(choice, shelf, plan.container, grid, extra)
+        self._planner = make_planner(choice, shelf, plan.container, grid, physics, config.world)
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ClosedLoopResult:
         """Carry the plan out in closed loop."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,7 @@ class SurfaceField:
         """(k, 3) outward normals of the samples; of one of the two faces on a sharp edge."""
         return self.records[:, 3:6]
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) smallest and largest x, y, z, m."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

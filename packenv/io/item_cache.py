@@ -9,6 +9,7 @@ import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,9 +19,10 @@ from packenv.config import HEIGHT_QUANTUM, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT
-from packenv.geometry.convex_parts import ConvexParts, convex_parts
+from packenv.geometry.convex_parts import ConvexParts, convex_parts, envelope
 from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT
 from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.files import write_whole
 from packenv.types import Item, OrientedItem, StablePose
@@ -102,6 +104,25 @@ class ItemCache:
             parts = convex_parts(item)
             self._write(path, _pack_parts(parts))
         return parts
+
+    def envelope(self, item: Item, parts: ConvexParts) -> Item:
+        """Read an item's envelope, or make and keep it.
+
+        Raises:
+            InputError: the cache folder cannot be written.
+            MeshError: mesh and parts cannot be united.
+        """
+        recipe = hashlib.sha256(f"{PARTS_FORMAT}|{item.sha256}".encode())
+        for part in parts.parts:
+            recipe.update(np.ascontiguousarray(part).tobytes())
+        path = self.folder / "envelopes" / f"{recipe.hexdigest()[:40]}.npz"
+        known = _read(path, lambda a: (a["vertices"], a["faces"]))
+        if known is None:
+            united = envelope(item, parts)
+            self._write(path, {"vertices": united.vertices, "faces": united.faces})
+            known = united.vertices, united.faces
+        vertices, faces = known
+        return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
 
     def _write(self, path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         stream = io.BytesIO()

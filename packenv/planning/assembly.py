@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -15,7 +16,7 @@ from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.manipulation_constraint import ManipulationConstraint
 from packenv.planning.margins import MarginRule
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import MAX_CHECKED, Planner
+from packenv.planning.packer import MAX_CHECKED, Planner, Tier
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
 from packenv.planning.stability_constraint import ContactRule, StabilityConstraint
@@ -23,7 +24,7 @@ from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
-StabilityRule: TypeAlias = Literal["paper", "margin"]
+StabilityRule: TypeAlias = Literal["paper", "margin", "physics"]
 Search: TypeAlias = Literal["3d", "5d"]
 
 MARGIN = MarginRule()
@@ -37,8 +38,8 @@ class PlannerChoice:
     Attributes:
         heuristic: name of the positioning heuristic.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
-        stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity,
-            see :class:`~packenv.planning.margins.MarginRule`.
+        stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity;
+            ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
@@ -47,6 +48,8 @@ class PlannerChoice:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         give_up: end at the first item that finds no place, as the paper does, instead of packing the rest.
+        clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
+            whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
@@ -61,6 +64,7 @@ class PlannerChoice:
     restarts: int = 3
     give_up: bool = False
     with_margin: bool = False
+    clearance: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +87,18 @@ def margin_rule(stability: StabilityRule) -> MarginRule | None:
     return MARGIN if stability == "margin" else None
 
 
-def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig) -> Planner:
+def clearances(choice: PlannerChoice, grid: GridConfig) -> tuple[int, ...]:
+    """Cells of clearance to try, the most first: all that was asked for, two thirds, a third, none."""
+    widest = math.ceil(choice.clearance / grid.cell_size - 1e-9)
+    return tuple(dict.fromkeys((widest, math.ceil(widest * 2 / 3), math.ceil(widest / 3), 0)))
+
+
+def assemble(
+    choice: PlannerChoice,
+    shelf: Shelf,
+    container: Container,
+    grid: GridConfig,
+) -> Planner:
     """The planner that a choice names.
 
     Args:
@@ -91,16 +106,20 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
         shelf: every item of the order.
         container: the box; the robot's cell depends on it.
         grid: the discretization that ``shelf.prepared`` was made with.
+
+    Raises:
+        ValueError: the choice asks for physics, which :mod:`packenv.physics_planning` adds.
     """
+    if choice.stability == "physics":
+        raise ValueError("stability is 'physics': let packenv.physics_planning make the planner")
     constraints: list[Constraint] = []
     if choice.constraints != "overlap":
         masses = {name: item.mass for name, item in shelf.meshes.items()}
-        checker = StabilityChecker()
         constraints.append(
             StabilityConstraint(
                 shelf.fields,
                 masses,
-                checker,
+                StabilityChecker(),
                 margin_rule(choice.stability),
                 choice.contacts,
                 with_margin=choice.with_margin,
@@ -124,4 +143,5 @@ def assemble(choice: PlannerChoice, shelf: Shelf, container: Container, grid: Gr
         choice.restarts,
         choice.give_up,
         choice.seed,
+        tuple(Tier(cells) for cells in clearances(choice, grid)),
     )

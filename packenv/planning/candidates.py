@@ -39,8 +39,22 @@ class TranslationGrid:
     legal: IntArray
 
     @classmethod
-    def search(cls, surface: PolyphaseMap, oriented: OrientedItem) -> TranslationGrid | None:
-        """Lowest z everywhere and which translations are legal; None where the footprint never fits."""
+    def search(
+        cls,
+        surface: PolyphaseMap,
+        oriented: OrientedItem,
+        spread: PolyphaseMap | None = None,
+        play: float = 0.0,
+    ) -> TranslationGrid | None:
+        """Lowest z everywhere and which translations are legal; None where the footprint never fits.
+
+        Args:
+            surface: the container's map.
+            oriented: the item at its orientation.
+            spread: the map with its heights spread sideways (:meth:`ContainerMap.spread`): a translation is
+                then legal only where the item clears this one too when it is lifted by ``play``.
+            play: m.
+        """
         w, h = oriented.top.shape
         nx, ny = surface.source.heights.shape
         step, rows, stride = surface.step, surface.rows, surface.stride
@@ -55,7 +69,12 @@ class TranslationGrid:
         n = kernels.footprint_cells(oriented.bottom, step, rows, stride, offsets, bottoms)
         z = np.empty((across - 1) * stride + along, dtype=np.float32)
         kernels.lowest_z(surface.heights, offsets, bottoms, n, z)
-        legal = np.flatnonzero(z.astype(np.float64) <= slack[2])
+        fits = z.astype(np.float64) <= slack[2]
+        if spread is not None:
+            higher = np.empty_like(z)
+            kernels.lowest_z(spread.heights, offsets, bottoms, n, higher)
+            fits &= higher <= z + np.float32(play)
+        legal = np.flatnonzero(fits)
         inside = legal[legal % stride < along]
         return cls(oriented, surface, n, offsets, bottoms, z, inside)
 
@@ -93,7 +112,13 @@ class Candidates:
         return cells * self.cell_size
 
 
-def grid_search(surface: ContainerMap, orientations: Sequence[OrientedItem], step: int) -> Candidates:
+def grid_search(
+    surface: ContainerMap,
+    orientations: Sequence[OrientedItem],
+    step: int,
+    clearance: int = 0,
+    play: float = 0.0,
+) -> Candidates:
     """Find every legal candidate of an item (paper Alg. 2).
 
     The order of the candidates is that of the loops of Alg. 2: orientation, then x, then y.
@@ -102,9 +127,13 @@ def grid_search(surface: ContainerMap, orientations: Sequence[OrientedItem], ste
         surface: the container heightmap.
         orientations: the item at every orientation to try; at least one.
         step: cells between tried translations.
+        clearance: cells by which the item may be off sideways, lifted by ``play``, and still meet nothing;
+            0 asks for non-overlap alone (the paper).
+        play: m.
     """
     polyphase = PolyphaseMap(surface, step)
-    found = (TranslationGrid.search(polyphase, oriented) for oriented in orientations)
+    spread = PolyphaseMap(surface.spread(clearance), step) if clearance else None
+    found = (TranslationGrid.search(polyphase, oriented, spread, play) for oriented in orientations)
     grids = tuple(grid for grid in found if grid is not None)
     counts = [len(grid.legal) for grid in grids]
     legal = np.concatenate([grid.legal for grid in grids] or [np.empty(0, dtype=np.int64)])

@@ -6,13 +6,14 @@ manipulation, are constraints that the planner is given (paper Alg. 3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.measured import Resting
 from packenv.types import FloatArray, OrientedItem
 
 
@@ -60,12 +61,15 @@ class Verdict:
         reason: a word for programs, where it may not.
         state: what the constraint wants to know again when the next item comes, the candidate placed.
         details: figures for the plan, JSON-able.
+        surface: the heightmap to go on with, where the constraint knows more than where the item was meant to
+            be; None leaves it at that.
     """
 
     ok: bool
     reason: str = ""
     state: Any = None
     details: Mapping[str, object] = field(default_factory=dict)
+    surface: ContainerMap | None = None
 
 
 class Constraint(Protocol):
@@ -76,8 +80,8 @@ class Constraint(Protocol):
         """One word, for messages and counts."""
         ...
 
-    def start(self) -> Any:
-        """The state of the empty container."""
+    def start(self, resting: Sequence[Resting] = ()) -> Any:
+        """The state of a container that holds what lies in it, at rest; empty without."""
         ...
 
     def objection(self, oriented: OrientedItem) -> str | None:

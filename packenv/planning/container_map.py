@@ -55,6 +55,22 @@ class ContainerMap:
         np.maximum(window, oriented.top + np.float32(z), out=window, where=oriented.footprint)
         return ContainerMap(self.container, self.cell_size, heights)
 
+    def spread(self, cells: int) -> ContainerMap:
+        """The map with every height spread over the square of ``cells`` cells around it, walls included.
+
+        What lies over this map lies over the true one wherever it is moved by up to so many cells.
+        """
+        if cells == 0:
+            return self
+        wall = np.float32(self.container.height)
+        padded = np.pad(self.heights, cells, constant_values=wall)
+        n = 2 * cells + 1
+        for axis in (0, 1):
+            size = padded.shape[axis] - 2 * cells
+            slices = [np.take(padded, range(k, k + size), axis=axis) for k in range(n)]
+            padded = np.maximum.reduce(slices)
+        return ContainerMap(self.container, self.cell_size, np.ascontiguousarray(padded))
+
     @cached_property
     def total(self) -> float:
         """Sum of all heights, m; exact."""

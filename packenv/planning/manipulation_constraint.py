@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -9,6 +10,7 @@ from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.grasps import Grasp, Rule, generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.measured import Resting
 from packenv.types import OrientedItem
 
 
@@ -32,7 +34,7 @@ class ManipulationConstraint:
         """One word."""
         return "manipulation"
 
-    def start(self) -> None:
+    def start(self, resting: Sequence[Resting] = ()) -> None:
         """The robot remembers nothing of the pile; the heightmap says it all."""
 
     def objection(self, oriented: OrientedItem) -> str | None:

@@ -30,7 +30,9 @@ class Resting:
     position: FloatArray
 
 
-def measured_map(container: Container, cell_size: float, resting: Iterable[Resting]) -> ContainerMap:
+def measured_map(
+    container: Container, cell_size: float, resting: Iterable[Resting], beneath: ContainerMap | None = None
+) -> ContainerMap:
     """The conservative heightmap of items at measured poses.
 
     As in :func:`packenv.geometry.heightmaps.orient_item` every cell tells the largest height over the whole
@@ -40,8 +42,9 @@ def measured_map(container: Container, cell_size: float, resting: Iterable[Resti
         container: the box.
         cell_size: m.
         resting: what lies in it.
+        beneath: a map of what else does.
     """
-    surface = ContainerMap.empty(container, cell_size)
+    surface = beneath or ContainerMap.empty(container, cell_size)
     heights = surface.heights.copy()
     nx, ny = heights.shape
     for part in resting:

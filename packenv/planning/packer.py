@@ -67,6 +67,21 @@ class Packing:
 
 
 @dataclass(frozen=True, eq=False)
+class Tier:
+    """One level of care in choosing among an item's candidates.
+
+    Attributes:
+        clearance: cells by which the item may be off sideways at the release and still meet nothing.
+        constraints: asked in place of the planner's, one for each and on the same states; None asks those.
+        max_checked: as the planner's, in its place; None takes that.
+    """
+
+    clearance: int = 0
+    constraints: Sequence[Constraint] | None = None
+    max_checked: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Planner:
     """The settings of a planner; :meth:`pack` plans an order.
 
@@ -83,6 +98,10 @@ class Planner:
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
         seed: for heuristics that draw.
+        tiers: how careful to be, the most careful first; a later one is tried where an earlier one leaves no
+            packable candidate. The paper has one, without clearance.
+        last_tiers: the same for the fallback, where nothing else will be left; None takes ``tiers``.
+        play: height of the release above the placement, m.
     """
 
     heuristic: Heuristic
@@ -95,9 +114,16 @@ class Planner:
     restarts: int = 0
     give_up: bool = False
     seed: int = 0
+    tiers: Sequence[Tier] = (Tier(),)
+    last_tiers: Sequence[Tier] | None = None
+    play: float = 0.01
 
     def pack(
-        self, sequence: Sequence[str], items: Mapping[str, PreparedItem], container: Container
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
     ) -> Packing:
         """Pack items one after another (paper Alg. 4); with restarts, again with what failed first.
 
@@ -111,8 +137,9 @@ class Planner:
             sequence: item names, a name as often as the order has it.
             items: every named item, prepared at ``cell_size``.
             container: the box.
+            start: what the container holds already; empty where None.
         """
-        best = _Run(self, items, container).pack(sequence)
+        best = _Run(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
         for _ in range(self.restarts):
             late = [left.item for left in last.leftovers if left.reason in _WORTH_A_RESTART]
@@ -121,7 +148,7 @@ class Planner:
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
-            last = _Run(self, items, container).pack(sequence)
+            last = _Run(self, items, container, start).pack(sequence)
             if len(last.placements) > len(best.placements):
                 best = last
         return best
@@ -147,13 +174,14 @@ class _Run:
     planner: Planner
     items: Mapping[str, PreparedItem]
     container: Container
+    start: Pile | None = None
     placements: list[Placement] = field(default_factory=list)
     surfaces: list[ContainerMap] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
         self.empty = ContainerMap.empty(self.container, self.planner.cell_size)
-        self.pile = Pile(self.empty, tuple(c.start() for c in self.planner.constraints))
+        self.pile = self.start or Pile(self.empty, tuple(c.start() for c in self.planner.constraints))
 
     def pack(self, sequence: Sequence[str]) -> Packing:
         """Paper Alg. 4."""
@@ -227,25 +255,64 @@ class _Run:
         possible = orientations if lazily else [o for o in orientations if not self.objected(o, counts)]
         if not possible:
             return _Attempt(None, counts)
-        candidates = grid_search(self.pile.surface, possible, self.planner.step)
-        if not len(candidates):
-            return _Attempt(None, counts)
+        for tier in self.tiers(route):
+            candidates = grid_search(
+                self.pile.surface, possible, self.planner.step, tier.clearance, self.planner.play
+            )
+            if not len(candidates):
+                continue
+            placement = self.among(candidates, tier, name, instance, route, counts, asked if lazily else None)
+            if placement is not None:
+                return _Attempt(placement, counts)
+        return _Attempt(None, counts)
+
+    def tiers(self, route: str) -> Sequence[Tier]:
+        """How careful to be on a route; perturbed orientations come last, and with the least care."""
+        last = self.planner.last_tiers
+        if last is None or route == "first-pass" or self.planner.search == "5d":
+            return self.planner.tiers
+        return last if route == "later" else last[-1:]
+
+    def among(
+        self,
+        candidates: Candidates,
+        tier: Tier,
+        name: str,
+        instance: int,
+        route: str,
+        counts: Counter[str],
+        asked: dict[OrientedItem, bool] | None,
+    ) -> Placement | None:
+        """Place the first candidate, in order of score, that no constraint refuses.
+
+        Args:
+            candidates: the legal ones.
+            tier: which constraints are asked.
+            name: of the item.
+            instance: of the item.
+            route: for the record.
+            counts: rejections by reason so far; grows.
+            asked: as in :meth:`turns`; None where all objections have been asked for.
+        """
         scores = self.planner.heuristic(candidates, self.rng)
         in_turn = (
-            self.turns(candidates, scores, counts, asked)
-            if lazily
-            else self.ranked(scores, self.planner.max_checked)
+            self.ranked(scores, tier.max_checked or self.planner.max_checked)
+            if asked is None
+            else self.turns(candidates, scores, counts, asked)
         )
+        constraints = self.planner.constraints if tier.constraints is None else tier.constraints
         for index in in_turn:
             trial = _trial(candidates, index)
             states: list[Any] = []
             details: dict[str, object] = {}
-            for constraint, state in zip(self.planner.constraints, self.pile.states, strict=True):
+            known: ContainerMap | None = None
+            for constraint, state in zip(constraints, self.pile.states, strict=True):
                 verdict = constraint.check(trial, self.pile.surface, state)
                 if not verdict.ok:
                     counts[verdict.reason] += 1
                     break
                 states.append(verdict.state)
+                known = verdict.surface or known
                 details[constraint.name] = dict(verdict.details)
             else:
                 placement = Placement(
@@ -264,12 +331,12 @@ class _Run:
                     rejections=dict(counts),
                     details=details,
                 )
-                surface = self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+                surface = known or self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
                 self.pile = Pile(surface, tuple(states))
                 self.placements.append(placement)
                 self.surfaces.append(surface)
-                return _Attempt(placement, counts)
-        return _Attempt(None, counts)
+                return placement
+        return None
 
     def objected(self, oriented: OrientedItem, counts: Counter[str]) -> bool:
         """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""

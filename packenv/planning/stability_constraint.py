@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -14,6 +14,7 @@ from packenv.planning.contact_patches import thin, tighten
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.margins import MarginRule, check_margin, measure_margin, upright_forces
+from packenv.planning.measured import Resting
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.stability import StabilityChecker, StabilityResult
 from packenv.types import Contacts, Container, FloatArray, OrientedItem
@@ -50,6 +51,7 @@ class PileState:
         coms: (n, 3) m.
         contacts: all of them, thinned.
         balance: the forces that were found, one result for each direction of gravity that was asked.
+        ground: how many of the first bodies are taken as part of the container.
     """
 
     bodies: tuple[Body, ...]
@@ -57,6 +59,7 @@ class PileState:
     coms: FloatArray
     contacts: Contacts
     balance: tuple[StabilityResult, ...]
+    ground: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,8 @@ class StabilityConstraint:
             paper's rule).
         contact_rule: name of the rule that finds contacts, see :func:`contact_finder`.
         with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
+        alone: what the new item must survive while all others are held; None asks nothing of this kind. It
+            leaves the state of the pile as it is without.
     """
 
     fields: Mapping[str, SurfaceField]
@@ -79,15 +84,17 @@ class StabilityConstraint:
     rule: MarginRule | None = None
     contact_rule: ContactRule = "surface"
     with_margin: bool = False
+    alone: MarginRule | None = None
 
     @property
     def name(self) -> str:
         """One word."""
         return "stability"
 
-    def start(self) -> PileState:
-        """No items."""
-        return PileState((), np.empty(0), np.empty((0, 3)), no_contacts(), ())
+    def start(self, resting: Sequence[Resting] = ()) -> PileState:
+        """What lies at rest is taken as ground, like the floor: it proved that it stands."""
+        ground = tuple(Body(self.fields[p.item.name], p.rotation, p.position) for p in resting)
+        return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground))
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """None: what stands depends on the pile."""
@@ -97,20 +104,28 @@ class StabilityConstraint:
         """Whether the pile stands with the candidate placed."""
         name = trial.oriented.item
         body = Body(self.fields[name], trial.oriented.rotation, trial.position)
-        index = len(state.bodies) + 1
+        index = len(state.bodies) - state.ground + 1
         find = contact_finder(self.contact_rule, tight=self.rule is not None)
-        own = find(body, state.bodies, surface.container, index)
+        own = _grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
         masses = np.append(state.masses, self.masses[name])
         coms = np.vstack([state.coms, trial.com])
+        if self.alone is not None and not self._stands_alone(own, masses, coms):
+            return Verdict(False, "unstable-margin")
         balance = self._balance(contacts, masses, coms, state.balance)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
         details = self._details(contacts, masses, coms, balance, index)
-        pile = PileState((*state.bodies, body), masses, coms, contacts, balance)
+        pile = PileState((*state.bodies, body), masses, coms, contacts, balance, state.ground)
         return Verdict(True, state=pile, details=details)
+
+    def _stands_alone(self, own: Contacts, masses: FloatArray, coms: FloatArray) -> bool:
+        assert self.alone is not None
+        checker = self.alone.weakened(self.checker)
+        solutions = checker.balance_alone(tighten(own), masses, coms, self.alone.pulls(checker.gravity))
+        return all(solution.status == "stable" for solution in solutions)
 
     def _details(
         self,
@@ -152,3 +167,17 @@ class StabilityConstraint:
         if self.rule is not None:
             return check_margin(self.checker, contacts, masses, coms, self.rule, previous=previous or None)
         return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)
+
+
+def _grounded(contacts: Contacts, ground: int) -> Contacts:
+    """Contacts with the first ``ground`` bodies as contacts with the container."""
+    if not ground:
+        return contacts
+    first, second = (np.maximum(b - ground, 0) for b in (contacts.first, contacts.second))
+    swap = second == 0
+    return replace(
+        contacts,
+        normals=np.where(swap[:, None], -contacts.normals, contacts.normals),
+        first=np.where(swap, second, first),
+        second=np.where(swap, first, second),
+    )

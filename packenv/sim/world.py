@@ -213,10 +213,17 @@ class World:
         turned = quaternion_to_rotation(np.array(quaternion))
         return self._items[body].mesh_pose(turned, np.array(at) / SCALE)
 
-    def speed(self, body: int) -> float:
-        """A bound on the speed of any point of an item, m/s."""
-        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
-        return math.hypot(*linear) / SCALE + math.hypot(*angular) * self._items[body].reach
+    def raw_pose(self, body: int) -> tuple[FloatArray, FloatArray]:
+        """(3,) centre of mass, m, and (4,) quaternion of the body frame, for :meth:`travel`."""
+        at, turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
+        return np.array(at) / SCALE, np.array(turn)
+
+    def travel(self, body: int, at: FloatArray, turn: FloatArray) -> float:
+        """A bound on how far any point of an item is from where it was at an earlier pose, m."""
+        now, turned = self.raw_pose(body)
+        # Chord of the rotation: twice the sine of half the angle.
+        half = min(float(np.linalg.norm(turned - turn)), float(np.linalg.norm(turned + turn)))
+        return math.dist(now, at) + 2.0 * half * self._items[body].reach
 
     def touches(self, body: int) -> list[Touch]:
         """Contacts of a body, as of the last step."""
