@@ -9,7 +9,7 @@ from typing import Any
 
 from packenv.config import GridConfig
 from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, clearances
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Planner, Tier
@@ -156,15 +156,21 @@ def make_planner(
     static = planner.constraints
     wary = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
     levels = clearances(choice, grid)
-    first = [
+
+    def tried(cells: int, last: Constraint, each: int) -> Tier:
+        return Tier(cells, (*static, last), _DROPPED, each)
+
+    first = [tier for cells in levels for tier in (Tier(cells, (*wary, strict)), tried(cells, strict, 3))]
+    # What comes last may lie a little off: rather that than pass its neighbours by a hair.
+    late = [
         tier
         for cells in levels
-        for tier in (Tier(cells, (*wary, strict)), Tier(cells, (*static, strict), _DROPPED))
+        for tier in (Tier(cells, (*wary, strict)), tried(cells, strict, 3), tried(cells, lenient, 3))
     ]
-    eased = [Tier(cells, (*static, lenient), _DROPPED) for cells in levels]
+    anyway = [tried(cells, anyhow, 1) for cells in levels[:-1]]
     return replace(
         planner,
         constraints=(*static, strict),
         tiers=first,
-        last_tiers=(*first, *eased, Tier(0, (*static, anyhow))),
+        last_tiers=(*late, *anyway, Tier(0, (*static, anyhow))),
     )

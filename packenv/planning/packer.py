@@ -74,11 +74,14 @@ class Tier:
         clearance: cells by which the item may be off sideways at the release and still meet nothing.
         constraints: asked in place of the planner's, one for each and on the same states; None asks those.
         max_checked: as the planner's, in its place; None takes that.
+        each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
+            and one failure there tells of the rest. None takes them as they come.
     """
 
     clearance: int = 0
     constraints: Sequence[Constraint] | None = None
     max_checked: int | None = None
+    each: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +299,7 @@ class _Run:
         """
         scores = self.planner.heuristic(candidates, self.rng)
         in_turn = (
-            self.ranked(scores, tier.max_checked or self.planner.max_checked)
+            self.in_tier(candidates, scores, tier)
             if asked is None
             else self.turns(candidates, scores, counts, asked)
         )
@@ -384,6 +387,20 @@ class _Run:
             keep[best] = False
             left = left[keep[left]]
             batch *= 2  # where most orientations are of no use, many candidates have to be passed over
+
+    def in_tier(self, candidates: Candidates, scores: FloatArray, tier: Tier) -> Sequence[int]:
+        """Indices of the candidates that a tier has checked, best first."""
+        most = tier.max_checked or self.planner.max_checked
+        if tier.each is None:
+            return self.ranked(scores, most)
+        left = np.argsort(scores, kind="stable")
+        grids = candidates.grid_index[left]
+        # The place of each candidate among those of its orientation.
+        by_grid = np.argsort(grids, kind="stable")
+        starts = np.searchsorted(grids[by_grid], grids[by_grid])
+        place = np.empty(len(left), dtype=np.int64)
+        place[by_grid] = np.arange(len(left)) - starts
+        return [int(k) for k in left[place < tier.each][:most]]
 
     def ranked(self, scores: FloatArray, most: int) -> Sequence[int]:
         """Indices of the ``most`` best candidates, best first; equal scores keep the candidates' order."""

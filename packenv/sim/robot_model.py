@@ -7,11 +7,16 @@ from pathlib import Path
 import numpy as np
 import pybullet
 
+from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
-from packenv.sim.world import SCALE, World
+from packenv.robot.shapes import arm_lowest
+from packenv.sim.world import SCALE, Touch, World
 from packenv.types import FloatArray
 
 _JOINTS = 6
+_GRIPPER = 6
+"""Index of the gripper's link."""
+_EVERYWHERE = (np.full(3, -np.inf), np.full(3, np.inf))
 
 
 class RobotModel:
@@ -34,10 +39,28 @@ class RobotModel:
         for joint in range(_JOINTS):
             # Bullet brakes every joint of a new robot.
             p.setJointMotorControl2(self.body, joint, p.VELOCITY_CONTROL, force=0.0, physicsClientId=c)
-        # Robot and container stand on one table, which is no obstacle.
-        world.ignore_pair(self.body, world.fixed[0])
+        # It is watched, not felt: what it meets ends the execution.
+        world.ghost(self.body)
+        self._cell, self._joints = cell, np.zeros(_JOINTS)
 
     def move(self, joints: FloatArray) -> None:
         """Put the joints where they shall be, rad."""
         for joint, value in enumerate(joints.tolist()):
             pybullet.resetJointState(self.body, joint, value, 0.0, physicsClientId=self.world.client)
+        self._joints = joints
+
+    def overlaps(self, held: int | None) -> list[Touch]:
+        """What the robot is in now, but for the item that it holds.
+
+        While the arm keeps above all that is in the container, only the gripper needs a look.
+        """
+        tool = gripper.flange_to_tool(tx90.forward(self._joints[None]))[0]
+        tip = self._cell.to_container(tool[:3, 3])
+        back = tip - gripper.LENGTH * tool[:3, 2]
+        low, high = np.minimum(tip, back) - gripper.RADIUS, np.maximum(tip, back) + gripper.RADIUS
+        found = self.world.overlaps(self.body, low, high, _GRIPPER)
+        if arm_lowest(self._joints[None, None])[0, 0] < self._cell.rim:
+            # The base stands on the table that the container's floor is part of.
+            for link in range(1, _GRIPPER):
+                found += self.world.overlaps(self.body, _EVERYWHERE[0], _EVERYWHERE[1], link)
+        return [touch for touch in found if touch.other not in (held, self.world.fixed[0])]

@@ -100,7 +100,12 @@ class World:
             physicsClientId=c,
         )
         p.setGravity(0.0, 0.0, -GRAVITY * SCALE, physicsClientId=c)
-        self.fixed = tuple(self._add_wall(*box) for box in _walls(container))
+        boxes = _walls(container)
+        self.fixed = tuple(self._add_wall(*box) for box in boxes)
+        self._walls = {
+            body: (np.subtract(centre, half), np.add(centre, half))
+            for body, (half, centre) in zip(self.fixed, boxes, strict=True)
+        }
 
     def __enter__(self) -> World:
         """This world."""
@@ -228,35 +233,51 @@ class World:
     def touches(self, body: int) -> list[Touch]:
         """Contacts of a body, as of the last step."""
         found: Sequence[Any] = pybullet.getContactPoints(bodyA=body, physicsClientId=self._client)
-        return [
-            Touch(
-                int(t[1]), int(t[2]), int(t[3]), -float(t[8]) / SCALE, np.array(t[6]) / SCALE, np.array(t[7])
-            )
-            for t in found
-        ]
+        return [_touch(t) for t in found]
 
-    def overlap(self, first: int, second: int) -> float:
-        """How far two bodies are in each other now, m; negative or -inf where they are apart.
+    def ghost(self, body: int) -> None:
+        """Let a body pass through everything; :meth:`overlaps` still sees it."""
+        self._collide(body, 0)
 
-        Bullet carries contacts from step to step along the normal with which they began. Past the edge of a
-        rim that is no depth at all; this asks the geometry anew.
+    def solid(self, body: int) -> None:
+        """Undo :meth:`ghost`: contacts begin afresh."""
+        self._collide(body, -1)
+
+    def pause(self) -> None:
+        """Let a time step pass in which nothing moves by itself."""
+        self.time += self.config.time_step
+
+    def overlaps(self, body: int, low: FloatArray, high: FloatArray, link: int | None = None) -> list[Touch]:
+        """What a body or one of its links is in now, by the geometry alone.
+
+        Args:
+            body: may be a ghost.
+            low: (3,) of its bounding box, m.
+            high: (3,) of its bounding box, m.
+            link: one link; all of them where None.
         """
-        found = pybullet.getClosestPoints(first, second, 0.0, physicsClientId=self._client)
-        return max((-float(t[8]) / SCALE for t in found), default=-math.inf)
+        touches = []
+        for other in (*self.fixed, *self._items):
+            if other == body or not self._near(other, low, high):
+                continue
+            chosen = {} if link is None else {"linkIndexA": link}
+            found = pybullet.getClosestPoints(body, other, 0.0, **chosen, physicsClientId=self._client)
+            touches += [_touch(t) for t in found]
+        return touches
 
-    def ignore_pair(self, first: int, second: int) -> None:
-        """Let two bodies pass through each other, all their links."""
-        p, c = pybullet, self._client
-        for a in range(-1, p.getNumJoints(first, physicsClientId=c)):
-            for b in range(-1, p.getNumJoints(second, physicsClientId=c)):
-                p.setCollisionFilterPair(first, second, a, b, 0, physicsClientId=c)
+    def _near(self, other: int, low: FloatArray, high: FloatArray) -> bool:
+        item = self._items.get(other)
+        if item is None:
+            bounds = self._walls[other]
+        else:
+            at = self.raw_pose(other)[0]
+            bounds = at - item.reach, at + item.reach
+        return bool(np.all(bounds[0] <= high) and np.all(low <= bounds[1]))
 
-    def notice_pair(self, first: int, second: int) -> None:
-        """Undo :meth:`ignore_pair`."""
+    def _collide(self, body: int, mask: int) -> None:
         p, c = pybullet, self._client
-        for a in range(-1, p.getNumJoints(first, physicsClientId=c)):
-            for b in range(-1, p.getNumJoints(second, physicsClientId=c)):
-                p.setCollisionFilterPair(first, second, a, b, 1, physicsClientId=c)
+        for link in range(-1, p.getNumJoints(body, physicsClientId=c)):
+            p.setCollisionFilterGroupMask(body, link, 1 if mask else 0, mask, physicsClientId=c)
 
     def _surface(self) -> dict[str, float]:
         """Friction of one body: Bullet multiplies the two of a contact, and adds rolling crosswise."""
@@ -294,6 +315,12 @@ class World:
         body = p.createMultiBody(0.0, shape, basePosition=[x * SCALE for x in centre], physicsClientId=c)
         p.changeDynamics(body, -1, **self._surface(), physicsClientId=c)
         return int(body)
+
+
+def _touch(record: Sequence[Any]) -> Touch:
+    """A contact as PyBullet tells it."""
+    depth = -float(record[8]) / SCALE
+    return Touch(record[1], record[2], record[3], depth, np.array(record[6]) / SCALE, np.array(record[7]))
 
 
 def _walls(container: Container) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:

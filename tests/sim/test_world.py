@@ -143,9 +143,30 @@ def test_a_pose_comes_back_as_it_was_given() -> None:
 
 
 def test_overlap_is_the_depth_of_the_geometry() -> None:
+    everywhere = np.full(3, -1.0), np.full(3, 1.0)
     with World(BOX) as world:
         a = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.0]))
         b = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.047]))
-        assert world.overlap(a, b) == pytest.approx(0.003, abs=2e-4)
+        world.ghost(b)
+        depths = [touch.depth for touch in world.overlaps(b, *everywhere) if touch.other == a]
+        assert max(depths) == pytest.approx(0.003, abs=2e-4)
         world.move(b, np.eye(3), np.array([0.1, 0.1, 0.06]))
-        assert world.overlap(a, b) < 0.0
+        assert not world.overlaps(b, *everywhere)
+
+
+def test_an_item_lowered_past_an_edge_is_not_thrown_back_when_it_is_let_go() -> None:
+    # Bullet carries a contact on along the normal with which it began: centimetres of depth past the edge.
+    beside = brick()
+    low, high = beside.bounds(np.eye(3), np.zeros(3))
+    width = float(high[0] - low[0])
+    with World(BOX) as world:
+        world.add(beside, np.eye(3), np.array([0.1, 0.1, 0.0]))
+        held = world.add(beside, np.eye(3), np.array([0.1 + width, 0.1, 0.2]))
+        world.ghost(held)
+        for z in np.linspace(0.2, 0.0, 100):
+            world.move(held, np.eye(3), np.array([0.1 + width, 0.1, z]))
+            world.pause()
+        world.solid(held)
+        for _ in range(120):
+            world.step()
+        assert world.pose(held)[1] == pytest.approx([0.1 + width, 0.1, 0.0], abs=1e-3)
