@@ -262,7 +262,8 @@ class World:
                 continue
             chosen = {} if link is None else {"linkIndexA": link}
             found = pybullet.getClosestPoints(body, other, 0.0, **chosen, physicsClientId=self._client)
-            touches += [_touch(t) for t in found]
+            # Asked for a distance of 0 it also tells of what is a little farther.
+            touches += [touch for touch in map(_touch, found) if touch.depth > 0.0]
         return touches
 
     def _near(self, other: int, low: FloatArray, high: FloatArray) -> bool:
