@@ -318,6 +318,8 @@ class _Run:
                 known = verdict.surface or known
                 details[constraint.name] = dict(verdict.details)
             else:
+                if len(self.planner.tiers) > 1:
+                    details["clearance_m"] = round(tier.clearance * self.planner.cell_size, 6)
                 placement = Placement(
                     item=name,
                     instance=instance,

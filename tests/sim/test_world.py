@@ -149,7 +149,7 @@ def test_overlap_is_the_depth_of_the_geometry() -> None:
         b = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.047]))
         world.ghost(b)
         depths = [touch.depth for touch in world.overlaps(b, *everywhere) if touch.other == a]
-        assert max(depths) == pytest.approx(0.003, abs=2e-4)
+        assert max(depths) == pytest.approx(0.003, abs=3e-4)  # both skins
         world.move(b, np.eye(3), np.array([0.1, 0.1, 0.06]))
         assert not [touch for touch in world.overlaps(b, *everywhere) if touch.other == a]
 
