@@ -102,6 +102,13 @@ def _seconds(text: str) -> float:
     return value
 
 
+def _choice(
+    parser: argparse.ArgumentParser, flag: str, words: tuple[str, ...], default: str, meaning: str
+) -> None:
+    """An option that takes one of several words."""
+    parser.add_argument(flag, choices=words, default=default, help=f"{meaning} (default: %(default)s)")
+
+
 def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
     parser.add_argument(
         "--catalogue",
@@ -133,33 +140,52 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     pack.add_argument(
         "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
     )
-    pack.add_argument("--heuristic", choices=HEURISTIC_NAMES, default="hm", help="(default: %(default)s)")
-    pack.add_argument(
+    _choice(pack, "--heuristic", HEURISTIC_NAMES, "hm", "how candidates are ranked")
+    _choice(
+        pack,
         "--constraints",
-        choices=("overlap", "stability", "robot"),
-        default="robot",
-        help="what a placement must meet: no overlap; also force balance of the pile; also a way for the "
-        "robot to bring it there (default: %(default)s)",
+        ("overlap", "stability", "robot"),
+        "robot",
+        "what a placement must meet: no overlap; also force balance of the pile; also a way for the "
+        "robot to bring it there",
     )
-    pack.add_argument(
+    _choice(
+        pack,
         "--stability",
-        choices=("paper", "margin"),
-        default="paper",
-        help="equilibrium, or equilibrium under gravity tilted by 5 degrees as well (default: %(default)s)",
+        ("paper", "margin", "physics"),
+        "paper",
+        "equilibrium; equilibrium also under gravity tilted by 8 degrees with a friction of 0.25; or "
+        "equilibrium and a drop in physics, after which the item must lie where it was planned",
     )
-    pack.add_argument(
+    _choice(
+        pack,
         "--contacts",
-        choices=("surface", "paper"),
-        default="surface",
-        help="contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items "
-        "scaled by 1.03 overlap (default: %(default)s)",
+        ("surface", "paper"),
+        "surface",
+        "contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items "
+        "scaled by 1.03 overlap",
+    )
+    _choice(
+        pack,
+        "--grasp",
+        ("seal", "flat", "paper"),
+        "seal",
+        "where the vacuum cup may take an item: where it seals (a rough spot where there is no flat "
+        "one), flat spots alone, or the centre of the top surface whatever is there",
     )
     pack.add_argument(
-        "--grasp",
-        choices=("seal", "flat", "paper"),
-        default="seal",
-        help="where the vacuum cup may take an item: where it seals (a rough spot where there is no flat "
-        "one), flat spots alone, or the centre of the top surface whatever is there (default: %(default)s)",
+        "--clearance",
+        type=float,
+        default=0.0,
+        metavar="METRES",
+        help="how far an item may be off sideways at the release and still meet nothing, at most 0.05; less "
+        "where it would leave an item without a place (default: %(default)g)",
+    )
+    pack.add_argument(
+        "--geometry",
+        choices=("mesh", "parts"),
+        help="plan on the meshes, or on meshes together with the convex parts that stand for them in physics "
+        "(default: mesh; parts with --stability physics)",
     )
     pack.add_argument(
         "--restarts",
@@ -169,17 +195,19 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="plan an incomplete order up to N times again with its leftovers first; none with "
         "--container auto (default: %(default)s)",
     )
-    pack.add_argument(
+    _choice(
+        pack,
         "--search",
-        choices=("3d", "5d"),
-        default="3d",
-        help="stable poses first and perturbed ones as the fallback, or all at once (default: %(default)s)",
+        ("3d", "5d"),
+        "3d",
+        "stable poses first and perturbed ones as the fallback, or all at once",
     )
-    pack.add_argument(
+    _choice(
+        pack,
         "--sequence",
-        choices=("volume", "given"),
-        default="volume",
-        help="by non-increasing bounding-box volume, or as the order gives it (default: %(default)s)",
+        ("volume", "given"),
+        "volume",
+        "by non-increasing bounding-box volume, or as the order gives it",
     )
     pack.add_argument(
         "--seed", type=_seed, default=0, metavar="N", help="for heuristics that draw (default: 0)"
@@ -197,7 +225,8 @@ def _add_verify(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         "verify",
         help="audit a plan from the meshes",
         description="Recompute from the exact meshes, independently of the planner, whether items overlap, "
-        "stick out of the container, or could not be put in from above in the plan's sequence.",
+        "stick out of the container, or could not be put in from above in the plan's sequence; for a plan on "
+        "convex parts, from these as well.",
     )
     verify.set_defaults(module="verify")
     verify.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from packenv.commands.output import remark, with_progress
 from packenv.config import GridConfig
@@ -15,11 +15,19 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import Catalogue, open_catalogue
 from packenv.io.item_cache import ItemCache
 from packenv.io.parts_files import exact_parts
-from packenv.io.plans import read_plan
+from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:
     from packenv.sim.physics_items import PhysicsItem
+
+Geometry: TypeAlias = Literal["mesh", "parts"]
+"""What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
+
+GEOMETRIES: tuple[Geometry, ...] = get_args(Geometry)
+
+MAX_CLEARANCE = 0.05
+"""Largest clearance that may be asked for, m."""
 
 
 def load_items(catalogue: Catalogue, names: Collection[str]) -> dict[str, Item]:
@@ -64,15 +72,31 @@ def load_convex_parts(items: dict[str, Item], catalogue: Catalogue) -> dict[str,
     }
 
 
+def load_envelopes(items: dict[str, Item], parts: Mapping[str, ConvexParts]) -> dict[str, Item]:
+    """Every item with the surface of mesh and convex parts together, from the user's cache or made.
+
+    Raises:
+        MeshError: a mesh cannot be united with its parts.
+    """
+    cache = ItemCache()
+    return {
+        name: cache.envelope(item, parts[name]) for name, item in with_progress(items.items(), "envelopes")
+    }
+
+
 def load_physics_items(items: dict[str, Item], catalogue: Catalogue) -> dict[str, PhysicsItem]:
     """Every item as a rigid body of convex parts, or a ball.
 
     Raises:
         CatalogueError: a file of parts is wrong.
     """
+    return as_physics_items(items, load_convex_parts(items, catalogue))
+
+
+def as_physics_items(items: Mapping[str, Item], parts: Mapping[str, ConvexParts]) -> dict[str, PhysicsItem]:
+    """Every item as a rigid body of convex parts that are known."""
     from packenv.sim.physics_items import PhysicsItem
 
-    parts = load_convex_parts(items, catalogue)
     return {name: PhysicsItem.of_item(item, parts[name]) for name, item in items.items()}
 
 
@@ -107,6 +131,56 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
 def plan_catalogue(plan: Plan, catalogue: str | None, unit: str | None) -> Catalogue:
     """The catalogue of a plan's meshes; folder and unit that are not None replace the plan's."""
     return open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+
+
+def plan_geometry(plan: Plan, path: Path) -> Geometry:
+    """What a plan was made with; plans that do not tell are of meshes.
+
+    Raises:
+        PlanError: the plan says something else.
+    """
+    value = plan.settings.get("geometry", "mesh")
+    for geometry in GEOMETRIES:
+        if value == geometry:
+            return geometry
+    raise PlanError(f"{path}: settings.geometry is {value!r:.80}, should be one of {GEOMETRIES}")
+
+
+def load_planned_shapes(
+    plan: Plan,
+    path: Path,
+    items: dict[str, Item],
+    catalogue: Catalogue,
+    parts: Mapping[str, ConvexParts] | None = None,
+) -> dict[str, Item]:
+    """The items as the geometry that a plan was made with: as they are, or their envelopes.
+
+    Args:
+        plan: the plan.
+        path: its file, for messages.
+        items: items of the plan by name, as their meshes.
+        catalogue: where they are from.
+        parts: their convex parts, where they are known already.
+
+    Raises:
+        InputError: the plan or a file of parts is wrong, or an envelope is not the one that the plan was made
+            of.
+    """
+    if plan_geometry(plan, path) == "mesh":
+        return items
+    shapes = load_envelopes(items, load_convex_parts(items, catalogue) if parts is None else parts)
+    for name, shape in shapes.items():
+        record = plan.meshes[name]
+        if not isinstance(record, EnvelopeRecord):
+            raise PlanError(
+                f"{path}: meshes.{name} has no 'envelope_sha256', which plans of geometry 'parts' have"
+            )
+        if shape.sha256 != record.envelope_sha256:
+            raise PlanError(
+                f"{path}: the convex parts of {shape.file} are not those that the plan was made of "
+                f"(sha256 of the envelope {shape.sha256[:12]}, not {record.envelope_sha256[:12]}), plan again"
+            )
+    return shapes
 
 
 def plan_cell_size(plan: Plan, path: Path) -> float:

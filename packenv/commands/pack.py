@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TypeAlias
 
-from packenv.commands.loading import load_fields, load_items, prepare_items
+from packenv.commands.loading import (
+    MAX_CLEARANCE,
+    Geometry,
+    as_physics_items,
+    load_convex_parts,
+    load_envelopes,
+    load_fields,
+    load_items,
+    prepare_items,
+)
 from packenv.commands.output import say, say_json
 from packenv.config import GridConfig
+from packenv.errors import InputError
+from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
-from packenv.io.plans import plan_to_json, write_plan
+from packenv.io.plans import EnvelopeRecord, plan_to_json, write_plan
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
-from packenv.planning.packer import Packing, by_box_volume
+from packenv.planning.packer import Packing, Planner, by_box_volume
 from packenv.types import Container, Item, Plan
 
 _SETTINGS = (
@@ -29,12 +41,17 @@ _SETTINGS = (
     "search",
     "restarts",
     "seed",
+    "clearance",
 )
+
+_MakePlanner: TypeAlias = Callable[[PlannerChoice, Container], Planner]
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
     check_outputs({f"--{name}": getattr(arguments, name) for name in ("out", "html", "png")}, arguments.order)
+    geometry = _geometry(arguments)
+    choice = _choice(arguments)
     catalogue = open_catalogue(arguments.catalogue, unit=arguments.unit)
     order = read_order(arguments.order, catalogue.names)
     boxes = read_boxes(arguments.boxes)
@@ -44,12 +61,58 @@ def run(arguments: argparse.Namespace) -> int:
         containers = [parse_container(arguments.container, boxes)]
     grid = GridConfig()
     items = load_items(catalogue, dict.fromkeys(order.names))
-    prepared = prepare_items(items, grid)
+    parts = load_convex_parts(items, catalogue) if geometry == "parts" else {}
+    shapes = load_envelopes(items, parts) if geometry == "parts" else items
+    prepared = prepare_items(shapes, grid)
     sequence = list(order.names)
     if arguments.sequence == "volume":
         sequence = by_box_volume(sequence, prepared)
-    shelf = Shelf(items, prepared, load_fields(items) if arguments.constraints != "overlap" else {})
-    choice = PlannerChoice(
+    shelf = Shelf(shapes, prepared, load_fields(shapes) if choice.constraints != "overlap" else {})
+    make = _planner_maker(choice, shelf, grid, parts)
+    packing, choice = _smallest(containers, choice, sequence, shelf, make)
+    plan = make_plan(
+        packing,
+        order.lines,
+        items,
+        grid,
+        catalogue=catalogue.label,
+        unit=arguments.unit,
+        settings={
+            **{n: getattr(choice, n) for n in _SETTINGS},
+            "geometry": geometry,
+            "sequence": arguments.sequence,
+        },
+    )
+    if geometry == "parts":
+        plan = _with_envelopes(plan, shapes)
+    _write(plan, packing, items, grid, arguments)
+    if arguments.json:
+        say_json(plan_to_json(plan))
+    else:
+        _report(plan, arguments)
+    return 0 if plan.complete else 1
+
+
+def _geometry(arguments: argparse.Namespace) -> Geometry:
+    """What is planned with; refuses options that contradict each other."""
+    if not 0.0 <= arguments.clearance <= MAX_CLEARANCE:
+        raise InputError(
+            f"--clearance {arguments.clearance:g}: is out of range, give metres from 0 to {MAX_CLEARANCE:g}"
+        )
+    if arguments.stability != "physics":
+        return arguments.geometry or "mesh"
+    if arguments.constraints == "overlap":
+        raise InputError(
+            "--stability physics: needs force balance, which --constraints overlap leaves out; "
+            "give --constraints stability or robot"
+        )
+    if arguments.geometry == "mesh":
+        raise InputError("--stability physics: knows convex parts alone; leave --geometry mesh out")
+    return "parts"
+
+
+def _choice(arguments: argparse.Namespace) -> PlannerChoice:
+    return PlannerChoice(
         arguments.heuristic,
         arguments.constraints,
         arguments.stability,
@@ -59,23 +122,20 @@ def run(arguments: argparse.Namespace) -> int:
         grasp=arguments.grasp,
         restarts=arguments.restarts,
         with_margin=True,
+        clearance=arguments.clearance,
     )
-    packing, choice = _smallest(containers, choice, sequence, shelf, grid)
-    plan = make_plan(
-        packing,
-        order.lines,
-        items,
-        grid,
-        catalogue=catalogue.label,
-        unit=arguments.unit,
-        settings={**{n: getattr(choice, n) for n in _SETTINGS}, "sequence": arguments.sequence},
-    )
-    _write(plan, packing, items, grid, arguments)
-    if arguments.json:
-        say_json(plan_to_json(plan))
-    else:
-        _report(plan, arguments)
-    return 0 if plan.complete else 1
+
+
+def _planner_maker(
+    choice: PlannerChoice, shelf: Shelf, grid: GridConfig, parts: Mapping[str, ConvexParts]
+) -> _MakePlanner:
+    """What makes a planner for a container; the physics engine is loaded only where it is asked."""
+    if choice.stability != "physics":
+        return lambda chosen, box: assemble(chosen, shelf, box, grid)
+    from packenv.physics_planning import make_planner
+
+    physics = as_physics_items(shelf.meshes, parts)
+    return lambda chosen, box: make_planner(chosen, shelf, box, grid, physics)
 
 
 def _smallest(
@@ -83,7 +143,7 @@ def _smallest(
     choice: PlannerChoice,
     sequence: Sequence[str],
     shelf: Shelf,
-    grid: GridConfig,
+    make: _MakePlanner,
 ) -> tuple[Packing, PlannerChoice]:
     """The packing in the smallest container that takes all, else in the largest; and what was chosen for it.
 
@@ -91,11 +151,20 @@ def _smallest(
     """
     for box in containers[:-1]:
         brisk = replace(choice, restarts=0, give_up=True)
-        packing = assemble(brisk, shelf, box, grid).pack(sequence, shelf.prepared, box)
+        packing = make(brisk, box).pack(sequence, shelf.prepared, box)
         if packing.complete:
             return packing, brisk
     box = containers[-1]
-    return assemble(choice, shelf, box, grid).pack(sequence, shelf.prepared, box), choice
+    return make(choice, box).pack(sequence, shelf.prepared, box), choice
+
+
+def _with_envelopes(plan: Plan, shapes: Mapping[str, Item]) -> Plan:
+    """The plan with the hash of every item's envelope."""
+    records = {
+        name: EnvelopeRecord(**asdict(mesh), envelope_sha256=shapes[name].sha256)
+        for name, mesh in plan.meshes.items()
+    }
+    return replace(plan, meshes={**records})
 
 
 def _write(

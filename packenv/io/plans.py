@@ -6,7 +6,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,18 @@ from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement,
 SCHEMA_VERSION = 1
 _HUGE = 1e12
 """No number in a plan is larger; NaN is not either."""
+
+
+@dataclass(frozen=True)
+class EnvelopeRecord(MeshRecord):
+    """What a plan on convex parts keeps of an item.
+
+    Attributes:
+        envelope_sha256: of the item's envelope, the surface that was planned with.
+    """
+
+    envelope_sha256: str
+
 
 _UNITS = {"length": "m", "mass": "kg", "volume": "m3", "angle": "rad"}
 
@@ -48,16 +60,7 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "container": {"name": plan.container.name, "size": list(plan.container.size)},
         "settings": plan.settings,
         "order": [{"item": line.item, "qty": line.qty} for line in plan.order],
-        "meshes": {
-            name: {
-                "file": mesh.file,
-                "sha256": mesh.sha256,
-                "volume": mesh.volume,
-                "mass": mesh.mass,
-                "mass_estimated": mesh.mass_estimated,
-            }
-            for name, mesh in plan.meshes.items()
-        },
+        "meshes": {name: asdict(mesh) for name, mesh in plan.meshes.items()},
         "steps": [_step_to_json(k, placement) for k, placement in enumerate(plan.placements, start=1)],
         "leftovers": [
             {
@@ -216,6 +219,18 @@ class _Reader:
             details=self.mapping(row, "details", where),
         )
 
+    def mesh(self, row: object, where: str) -> MeshRecord:
+        record = MeshRecord(
+            self.text(row, "file", where),
+            self.text(row, "sha256", where),
+            self.number(row, "volume", where),
+            self.number(row, "mass", where),
+            bool(self.get(row, "mass_estimated", where)),
+        )
+        if not isinstance(row, Mapping) or "envelope_sha256" not in row:
+            return record
+        return EnvelopeRecord(**asdict(record), envelope_sha256=self.text(row, "envelope_sha256", where))
+
     def plan(self, document: dict[str, Any]) -> Plan:
         box = self.mapping(document, "container")
         size = self.vector(box, "size", "container", 3)
@@ -248,14 +263,7 @@ class _Reader:
                 for k, row in enumerate(self.rows(document, "order"))
             ),
             meshes={
-                key: MeshRecord(
-                    self.text(row, "file", f"meshes.{key}"),
-                    self.text(row, "sha256", f"meshes.{key}"),
-                    self.number(row, "volume", f"meshes.{key}"),
-                    self.number(row, "mass", f"meshes.{key}"),
-                    bool(self.get(row, "mass_estimated", f"meshes.{key}")),
-                )
-                for key, row in self.mapping(document, "meshes").items()
+                key: self.mesh(row, f"meshes.{key}") for key, row in self.mapping(document, "meshes").items()
             },
         )
         if document.get("units") != _UNITS:
