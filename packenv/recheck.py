@@ -66,10 +66,10 @@ def recheck(
 
     Args:
         plan: the plan.
-        items: the placed items by name.
+        items: the placed items by name, as the geometry that the plan was made with.
         fields: their surfaces.
         constraints: what the plan claims to keep.
-        stability: by which rule it claims to be stable.
+        stability: by which rule it claims to be stable; of ``physics`` the static part, equilibrium.
         contacts: by which rule it finds contacts.
         grasp: by which rule it claims to be graspable.
         cell_size: of the plan's heightmaps, m.

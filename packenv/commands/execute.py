@@ -12,9 +12,18 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from packenv.commands.loading import load_items, load_physics_items, load_plan, plan_catalogue
+from packenv.commands.loading import (
+    as_physics_items,
+    load_convex_parts,
+    load_items,
+    load_plan,
+    load_planned_shapes,
+    plan_catalogue,
+    plan_geometry,
+)
 from packenv.commands.output import remark, say, say_json, with_progress
 from packenv.errors import InputError, PlanError
+from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import assets_dir
 from packenv.io.executions import execution_to_json, write_execution
 from packenv.io.files import check_outputs
@@ -29,6 +38,10 @@ if TYPE_CHECKING:
     from packenv.sim.world import World
 
 
+_BULGE = 0.001
+"""Convex parts that reach further out of a mesh than this are remarked on, m."""
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Execute a plan; returns the exit code: 1 where it is no success."""
     outputs = {f"--{name}": getattr(arguments, name) for name in ("out", "gif", "html")}
@@ -41,7 +54,11 @@ def run(arguments: argparse.Namespace) -> int:
     catalogue = plan_catalogue(plan, arguments.catalogue, arguments.unit)
     if arguments.closed_loop:
         items |= load_items(catalogue, {left.item for left in plan.leftovers} - items.keys())
-    physics = load_physics_items(items, catalogue)
+    geometry = plan_geometry(plan, arguments.plan)
+    parts = load_convex_parts(items, catalogue)
+    if geometry == "mesh":
+        _remark_bulges(plan, parts, arguments)
+    physics = as_physics_items(items, parts)
     tasks = _tasks(plan, physics, arguments)
 
     from packenv.sim.camera import Recorder
@@ -54,7 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
     recorder = Recorder() if arguments.gif is not None else None
     carry_out = _open_loop(plan, tasks)
     if arguments.closed_loop:
-        carry_out = _closed_loop(plan, items, physics, config, arguments)
+        shapes = load_planned_shapes(plan, arguments.plan, items, catalogue, parts)
+        carry_out = _closed_loop(plan, shapes, physics, config, arguments)
     with engine_muted() if arguments.gui else nullcontext():
         carried = _carried(plan, tasks, config, disturbance, recorder, carry_out, gui=arguments.gui)
     document = execution_to_json(
@@ -116,6 +134,18 @@ def _tasks(
     return tasks
 
 
+def _remark_bulges(plan: Plan, parts: Mapping[str, ConvexParts], arguments: argparse.Namespace) -> None:
+    """Say where physics knows larger items than the plan."""
+    bulges = {p.item: parts[p.item].bulge for p in plan.placements if parts[p.item].bulge > _BULGE}
+    if bulges:
+        worst = max(bulges, key=lambda name: bulges[name])
+        others = f" ({len(bulges) - 1} more by less)" if len(bulges) > 1 else ""
+        remark(
+            f"{arguments.plan}: planned on meshes; in physics {worst} bulges by {bulges[worst] * 1e3:.1f} mm"
+            f"{others}: plan with --geometry parts"
+        )
+
+
 def _config(config: ExecutionConfig, arguments: argparse.Namespace) -> ExecutionConfig:
     motion = replace(config.motion, settle=arguments.settle, gentle=arguments.gentle)
     if arguments.full_settle:
@@ -159,7 +189,7 @@ def _open_loop(plan: Plan, tasks: Sequence[PlacementTask]) -> _CarryOut:
 
 def _closed_loop(
     plan: Plan,
-    items: dict[str, Item],
+    shapes: dict[str, Item],
     physics: Mapping[str, PhysicsItem],
     config: ExecutionConfig,
     arguments: argparse.Namespace,
@@ -167,7 +197,7 @@ def _closed_loop(
     """Measure after every placement, and plan the rest again when something moved."""
     from packenv.commands.planning_again import Again, renumbered
 
-    again = Again(plan, arguments.plan, items, physics, config)
+    again = Again(plan, arguments.plan, shapes, physics, config)
 
     def carry_out(session: Session, disturbance: Disturbance | None) -> _Carried:
         result = again.run(session, disturbance)

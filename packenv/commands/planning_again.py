@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from packenv.commands.loading import load_fields, prepare_items
+from packenv.commands.loading import MAX_CLEARANCE, load_fields, prepare_items
 from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
 from packenv.physics_planning import make_planner
@@ -50,8 +50,8 @@ class Again:
         Args:
             plan: the plan.
             path: its file, for messages.
-            items: every placed and every left-over item by name.
-            physics: the same, for physics.
+            items: every placed and every left-over item by name, as the geometry that the plan was made with.
+            physics: the same items, for physics.
             config: of the world in which a plan with ``stability`` ``physics`` tries placements.
 
         Raises:
@@ -91,8 +91,8 @@ def planner_choice(plan: Plan, path: Path) -> PlannerChoice:
         if not isinstance(values[name], int) or isinstance(values[name], bool) or values[name] < 0:
             raise _wrong(plan, path, name, "a whole number of at least 0")
     clearance = plan.settings.get("clearance", 0.0)
-    if not isinstance(clearance, int | float) or not 0.0 <= clearance <= 0.1:
-        raise _wrong(plan, path, "clearance", "metres between 0 and 0.1")
+    if not isinstance(clearance, int | float) or not 0.0 <= clearance <= MAX_CLEARANCE:
+        raise _wrong(plan, path, "clearance", f"metres between 0 and {MAX_CLEARANCE:g}")
     return PlannerChoice(**values, clearance=float(clearance))
 
 

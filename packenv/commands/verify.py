@@ -7,7 +7,14 @@ from dataclasses import asdict
 from typing import TypeVar, get_args
 
 from packenv.audit import AuditReport, audit_plan, misstated_boxes
-from packenv.commands.loading import load_fields, load_plan, plan_cell_size
+from packenv.commands.loading import (
+    load_fields,
+    load_plan,
+    load_planned_shapes,
+    plan_catalogue,
+    plan_cell_size,
+    plan_geometry,
+)
 from packenv.commands.output import say, say_json
 from packenv.errors import PlanError
 from packenv.planning.assembly import Constraints, StabilityRule
@@ -23,6 +30,9 @@ CONTACT_RULE_NAMES: tuple[ContactRule, ...] = get_args(ContactRule)
 GRASP_RULES: tuple[GraspRule, ...] = get_args(GraspRule)
 STABILITY_RULES: tuple[StabilityRule, ...] = get_args(StabilityRule)
 
+_FINDINGS = ("overlaps", "protrusions", "blocked")
+_WITH_PARTS = "with convex parts: "
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Audit a plan; returns the exit code."""
@@ -31,24 +41,29 @@ def run(arguments: argparse.Namespace) -> int:
     stability = _claim(plan, "stability", STABILITY_RULES, str(arguments.plan))
     contacts = _claim(plan, "contacts", CONTACT_RULE_NAMES, str(arguments.plan))
     grasp = _claim(plan, "grasp", GRASP_RULES, str(arguments.plan))
+    geometry = plan_geometry(plan, arguments.plan)
+    shelf = plan_catalogue(plan, arguments.catalogue, arguments.unit)
+    shapes = load_planned_shapes(plan, arguments.plan, items, shelf)
     report = audit_plan(plan, items)
-    misstated = misstated_boxes(plan, items)
+    envelopes = audit_plan(plan, shapes) if geometry == "parts" else None
+    misstated = misstated_boxes(plan, shapes)
     again = recheck(
         plan,
-        items,
-        load_fields(items) if constraints != "overlap" else {},
+        shapes,
+        load_fields(shapes) if constraints != "overlap" else {},
         constraints=constraints,
         stability=stability,
         contacts=contacts,
         grasp=grasp,
         cell_size=plan_cell_size(plan, arguments.plan),
     )
-    ok = report.ok and not misstated and again.ok
+    ok = report.ok and (envelopes is None or envelopes.ok) and not misstated and again.ok
     counts = {"placed": len(plan.placements), "left_over": len(plan.leftovers)}
     if arguments.json:
-        say_json({**report.to_json(), "misstated_boxes": misstated, **asdict(again), **counts, "ok": ok})
+        document = {**report.to_json(), "misstated_boxes": misstated, **asdict(again), **counts, "ok": ok}
+        say_json(document if envelopes is None else {**document, "envelopes": envelopes.to_json()})
     else:
-        _report(report, misstated)
+        _report(report, envelopes, misstated)
         if constraints != "overlap":
             _report_recheck(again, constraints)
         verdict = "ok" if ok else "failed"
@@ -73,20 +88,30 @@ def _report_recheck(again: Recheck, constraints: str) -> None:
     say(f"every step checked again: {len(again.unstable_steps)} unstable{reach}")
 
 
-def _report(report: AuditReport, misstated: tuple[int, ...]) -> None:
-    for o in report.overlaps:
-        depth = o.depth * 1e3
-        say(f"overlap: step {o.step_b} ({o.item_b}) is {depth:.3f} mm inside step {o.step_a} ({o.item_a})")
-    for p in report.protrusions:
-        say(f"protrusion: step {p.step} ({p.item}) is {p.depth * 1e3:.3f} mm outside at {p.axis} {p.side}")
-    for b in report.blocked:
-        say(f"blocked: step {b.step} ({b.item}) cannot be lowered past step {b.by_step} ({b.by_item})")
+def _report(report: AuditReport, envelopes: AuditReport | None, misstated: tuple[int, ...]) -> None:
+    _report_findings(report)
+    if envelopes is not None:
+        _report_findings(envelopes, _WITH_PARTS)
     for m in report.miscounted:
         say(f"miscounted: {m.item}: {m.ordered} ordered, {m.in_plan} in the plan")
     for step in misstated:
-        say(f"misstated: step {step}: corner and extents are not those of the mesh at its pose")
-    found = ", ".join(
-        f"{len(getattr(report, kind))} {kind}"
-        for kind in ("overlaps", "protrusions", "blocked", "miscounted")
-    )
+        say(f"misstated: step {step}: corner and extents are not those of the item at its pose")
+    found = _counted(report, (*_FINDINGS, "miscounted"))
     say(f"{report.pairs_checked} pairs checked: {found}, {len(misstated)} misstated")
+    if envelopes is not None:
+        say(f"{_WITH_PARTS}{_counted(envelopes, _FINDINGS)}")
+
+
+def _report_findings(report: AuditReport, how: str = "") -> None:
+    for o in report.overlaps:
+        pair = f"step {o.step_b} ({o.item_b}) is {o.depth * 1e3:.3f} mm inside step {o.step_a} ({o.item_a})"
+        say(f"{how}overlap: {pair}")
+    for p in report.protrusions:
+        where = f"{p.depth * 1e3:.3f} mm outside at {p.axis} {p.side}"
+        say(f"{how}protrusion: step {p.step} ({p.item}) is {where}")
+    for b in report.blocked:
+        say(f"{how}blocked: step {b.step} ({b.item}) cannot be lowered past step {b.by_step} ({b.by_item})")
+
+
+def _counted(report: AuditReport, kinds: tuple[str, ...]) -> str:
+    return ", ".join(f"{len(getattr(report, kind))} {kind}" for kind in kinds)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from packenv.commands.loading import load_plan, plan_cell_size
+from packenv.commands.loading import load_plan, load_planned_shapes, plan_catalogue, plan_cell_size
 from packenv.commands.output import remark, say
 from packenv.errors import InputError
 from packenv.io.files import check_outputs
@@ -25,7 +25,9 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs({"--out": path}, arguments.plan)
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
     cell_size = plan_cell_size(plan, arguments.plan)
-    surfaces = _surfaces(plan, items, cell_size, arguments.plan)
+    shelf = plan_catalogue(plan, arguments.catalogue, arguments.unit)
+    shapes = load_planned_shapes(plan, arguments.plan, items, shelf)
+    surfaces = _surfaces(plan, shapes, cell_size, arguments.plan)
     scene = build_scene(plan, items, [surface.heights for surface in surfaces], cell_size)
     if kind == ".png":
         from packenv.io.picture import render_plan_png
