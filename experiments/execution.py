@@ -75,9 +75,9 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Job:
-    """One order in one column."""
+    """One order in all columns that are asked for: columns of one planner share its plan."""
 
-    column: Column
+    columns: tuple[Column, ...]
     index: int
     order: tuple[str, ...]
     meshes: tuple[str, ...]
@@ -110,24 +110,27 @@ def prepare(catalogue: str) -> None:
 
 
 def work(job: Job) -> dict[str, Any]:
-    """Plan one order and carry it out."""
-    shelf = _Worker.shelf
-    start = time.process_time()
-    planner = _planner(job.column.choice)
-    packing = planner.pack(by_box_volume(job.order, shelf.prepared), shelf.prepared, BOX)
-    row: dict[str, Any] = {
-        "key": job.key,
-        "column": job.column.name,
-        "index": job.index,
-        "order": job.order,
-        "planned": packing.complete,
-        "left_over": [(left.item, left.reason) for left in packing.leftovers],
-        "plan_cpu_s": time.process_time() - start,
-    }
-    if packing.complete:
-        row["nominal"] = _carry_out(job.column, planner, packing, None)
-        row["disturbed"] = _carry_out(job.column, planner, packing, Disturbance(job.index))
-    return row
+    """Plan one order in every column and carry it out."""
+    plans: dict[PlannerChoice, tuple[Planner, Packing, float]] = {}
+    columns = {}
+    for column in job.columns:
+        if column.choice not in plans:
+            start = time.process_time()
+            planner = _planner(column.choice)
+            sequence = by_box_volume(job.order, _Worker.shelf.prepared)
+            packing = planner.pack(sequence, _Worker.shelf.prepared, BOX)
+            plans[column.choice] = planner, packing, time.process_time() - start
+        planner, packing, seconds = plans[column.choice]
+        found: dict[str, Any] = {
+            "planned": packing.complete,
+            "left_over": [(left.item, left.reason) for left in packing.leftovers],
+            "plan_cpu_s": seconds,
+        }
+        if packing.complete:
+            found["nominal"] = _carry_out(column, planner, packing, None)
+            found["disturbed"] = _carry_out(column, planner, packing, Disturbance(job.index))
+        columns[column.name] = found
+    return {"key": job.key, "index": job.index, "order": job.order, "columns": columns}
 
 
 def _planner(choice: PlannerChoice) -> Planner:
@@ -175,8 +178,10 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Columns over the orders that every column planned whole; and the share that each one planned."""
     by_column: dict[str, dict[int, dict[str, Any]]] = defaultdict(dict)
     for row in rows:
-        if "error" not in row:
-            by_column[row["column"]][row["index"]] = row
+        for name, found in row.get("columns", {}).items():
+            by_column[name][row["index"]] = found
+    if not by_column:
+        return {}
     common = set.intersection(*({i for i, r in c.items() if r["planned"]} for c in by_column.values()))
     columns = {}
     for name in (n for n in COLUMNS if n in by_column):
@@ -226,9 +231,13 @@ def main() -> int:
     names = fitting(shelf.prepared, BOX, GRID)
     orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
     jobs = [
-        Job(COLUMNS[name], i, tuple(order), tuple(shelf.meshes[n].sha256[:16] for n in order))
+        Job(
+            tuple(COLUMNS[name] for name in arguments.columns),
+            i,
+            tuple(order),
+            tuple(shelf.meshes[n].sha256[:16] for n in order),
+        )
         for i, order in enumerate(orders)
-        for name in arguments.columns
     ]
     file = RowFile(arguments.out)
     missing = [job for job in jobs if job.key not in file]

@@ -37,6 +37,10 @@ ANYHOW = DropRule(math.inf, math.inf, math.inf, math.inf, restless=True)
 
 _DROPPED = 30
 """Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
+_EACH_DROPPED = 3
+"""Most of them at one orientation."""
+_EACH_WARY = 12
+"""Most candidates at one orientation that are checked for a margin."""
 
 
 class Scratch:
@@ -154,23 +158,25 @@ def make_planner(
     lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
     anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)
     static = planner.constraints
-    wary = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
+    cautious = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
     levels = clearances(choice, grid)
 
-    def tried(cells: int, last: Constraint, each: int) -> Tier:
-        return Tier(cells, (*static, last), _DROPPED, each)
+    def wary(cells: int) -> Tier:
+        return Tier(cells, (*cautious, strict), each=_EACH_WARY)
 
-    first = [tier for cells in levels for tier in (Tier(cells, (*wary, strict)), tried(cells, strict, 3))]
+    def tried(cells: int, last: Constraint) -> Tier:
+        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED)
+
+    first = [tier for cells in levels for tier in (wary(cells), tried(cells, strict))]
     # What comes last may lie a little off: rather that than pass its neighbours by a hair.
     late = [
-        tier
-        for cells in levels
-        for tier in (Tier(cells, (*wary, strict)), tried(cells, strict, 3), tried(cells, lenient, 3))
+        tier for cells in levels[:-1] for tier in (wary(cells), tried(cells, strict), tried(cells, lenient))
     ]
-    anyway = [tried(cells, anyhow, 1) for cells in levels[:-1]]
+    roomy = [*late, *(tried(cells, anyhow) for cells in levels[:-1])]
+    tight = [wary(0), tried(0, strict), tried(0, lenient), Tier(0, (*static, anyhow))]
     return replace(
         planner,
         constraints=(*static, strict),
         tiers=first,
-        last_tiers=(*late, *anyway, Tier(0, (*static, anyhow))),
+        passes=(roomy, tight) if roomy else (tight,),
     )

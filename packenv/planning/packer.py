@@ -103,7 +103,8 @@ class Planner:
         seed: for heuristics that draw.
         tiers: how careful to be, the most careful first; a later one is tried where an earlier one leaves no
             packable candidate. The paper has one, without clearance.
-        last_tiers: the same for the fallback, where nothing else will be left; None takes ``tiers``.
+        passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
+            tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
     """
 
@@ -118,7 +119,7 @@ class Planner:
     give_up: bool = False
     seed: int = 0
     tiers: Sequence[Tier] = (Tier(),)
-    last_tiers: Sequence[Tier] | None = None
+    passes: Sequence[Sequence[Tier]] | None = None
     play: float = 0.01
 
     def pack(
@@ -236,11 +237,13 @@ class _Run:
         if planner.perturbations is None or planner.search == "5d":
             return first
         rejections = Counter(first.rejections)
-        for k, group in enumerate(planner.perturbations(name)):
-            attempt = self.attempt(name, instance, group, "later" if k == 0 else "5d", rejections)
-            if attempt.placement is not None:
-                return attempt
-            rejections = attempt.rejections
+        for tiers in planner.passes or (planner.tiers,):
+            for k, group in enumerate(planner.perturbations(name)):
+                route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
+                attempt = self.attempt(name, instance, group, route, rejections, asked)
+                if attempt.placement is not None:
+                    return attempt
+                rejections = attempt.rejections
         return _Attempt(None, rejections)
 
     def attempt(
@@ -250,6 +253,7 @@ class _Run:
         orientations: Sequence[OrientedItem],
         route: str,
         rejections: Counter[str] | None = None,
+        tiers: Sequence[Tier] | None = None,
     ) -> _Attempt:
         """PackOneItem (Alg. 3); the pile becomes the new one where it succeeds."""
         counts = Counter(rejections or ())
@@ -258,7 +262,7 @@ class _Run:
         possible = orientations if lazily else [o for o in orientations if not self.objected(o, counts)]
         if not possible:
             return _Attempt(None, counts)
-        for tier in self.tiers(route):
+        for tier in tiers or self.planner.tiers:
             candidates = grid_search(
                 self.pile.surface, possible, self.planner.step, tier.clearance, self.planner.play
             )
@@ -268,13 +272,6 @@ class _Run:
             if placement is not None:
                 return _Attempt(placement, counts)
         return _Attempt(None, counts)
-
-    def tiers(self, route: str) -> Sequence[Tier]:
-        """How careful to be on a route; perturbed orientations come last, and with the least care."""
-        last = self.planner.last_tiers
-        if last is None or route == "first-pass" or self.planner.search == "5d":
-            return self.planner.tiers
-        return last if route == "later" else last[-1:]
 
     def among(
         self,

@@ -54,7 +54,8 @@ class MotionConfig:
         gentle: lower the item beyond the release until something below holds it, at most to its place; else
             it drops from the release (the paper).
         gentle_speed: of the cup on this last bit, m/s.
-        tolerance: contacts deeper than this are collisions, m: an item that slides along another is none.
+        tolerance: contacts deeper than this are collisions, m: a cell of the heightmaps. An item that slides
+            along another is none.
         settle: longest time for settling, s.
         rest: ends settling earlier; None waits ``settle`` out.
     """
@@ -64,7 +65,7 @@ class MotionConfig:
     share: float = 0.5
     gentle: bool = False
     gentle_speed: float = 0.05
-    tolerance: float = 0.001
+    tolerance: float = 0.002
     settle: float = 20.0
     rest: RestRule | None = field(default_factory=RestRule)
 

@@ -83,7 +83,7 @@ def test_an_item_that_is_placed_into_another_collides_with_it() -> None:
     assert "second met first" in done.detail
     assert [outcome.item for outcome in done.items] == ["first", "second"]
     assert done.items[1].collided
-    assert done.items[1].deepest_m == pytest.approx(0.001, abs=0.002)
+    assert 0.002 < done.items[1].deepest_m < 0.005  # the tolerance, and a step of the way down
 
 
 def test_an_item_beside_another_does_not_collide() -> None:
