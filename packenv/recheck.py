@@ -153,7 +153,11 @@ def _reachable(
     oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
     grasps = generate_grasps(oriented, rule=grasp)
-    if not checker.check(oriented, corner, surface, grasps).feasible:
+    try:
+        feasible = checker.check(oriented, corner, surface, grasps).feasible
+    except ValueError:  # off the grid: no planner placed it there, and no heightmap tells its way down
+        return False
+    if not feasible:
         return False
     return _stated_way_holds(placement, [corner + g.point for g in grasps], checker)
 

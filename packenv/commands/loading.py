@@ -19,6 +19,7 @@ from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:
+    from packenv.planning.packer import Planner
     from packenv.sim.physics_items import PhysicsItem
 
 Geometry: TypeAlias = Literal["mesh", "parts"]
@@ -84,20 +85,17 @@ def load_envelopes(items: dict[str, Item], parts: Mapping[str, ConvexParts]) -> 
     }
 
 
-def load_physics_items(items: dict[str, Item], catalogue: Catalogue) -> dict[str, PhysicsItem]:
-    """Every item as a rigid body of convex parts, or a ball.
-
-    Raises:
-        CatalogueError: a file of parts is wrong.
-    """
-    return as_physics_items(items, load_convex_parts(items, catalogue))
-
-
 def as_physics_items(items: Mapping[str, Item], parts: Mapping[str, ConvexParts]) -> dict[str, PhysicsItem]:
-    """Every item as a rigid body of convex parts that are known."""
+    """Every item as a rigid body of its convex parts, or a ball."""
     from packenv.sim.physics_items import PhysicsItem
 
     return {name: PhysicsItem.of_item(item, parts[name]) for name, item in items.items()}
+
+
+def end_planning(planner: Planner) -> None:
+    """Free what a planner's constraints hold: one that starts anew gives up the world it tried things in."""
+    for constraint in planner.constraints:
+        constraint.start()
 
 
 def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan, dict[str, Item]]:

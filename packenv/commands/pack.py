@@ -12,6 +12,7 @@ from packenv.commands.loading import (
     MAX_CLEARANCE,
     Geometry,
     as_physics_items,
+    end_planning,
     load_convex_parts,
     load_envelopes,
     load_fields,
@@ -151,11 +152,18 @@ def _smallest(
     """
     for box in containers[:-1]:
         brisk = replace(choice, restarts=0, give_up=True)
-        packing = make(brisk, box).pack(sequence, shelf.prepared, box)
+        packing = _packed(make(brisk, box), sequence, shelf, box)
         if packing.complete:
             return packing, brisk
     box = containers[-1]
-    return make(choice, box).pack(sequence, shelf.prepared, box), choice
+    return _packed(make(choice, box), sequence, shelf, box), choice
+
+
+def _packed(planner: Planner, sequence: Sequence[str], shelf: Shelf, box: Container) -> Packing:
+    try:
+        return planner.pack(sequence, shelf.prepared, box)
+    finally:
+        end_planning(planner)
 
 
 def _with_envelopes(plan: Plan, shapes: Mapping[str, Item]) -> Plan:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from packenv.commands.loading import MAX_CLEARANCE, load_fields, prepare_items
+from packenv.commands.loading import MAX_CLEARANCE, end_planning, load_fields, prepare_items
 from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
 from packenv.physics_planning import make_planner
@@ -70,9 +70,12 @@ class Again:
 
         plan = self._plan
         start = Packing(plan.container, plan.placements, plan.leftovers, (), 0.0)
-        return run_closed_loop(
-            self._planner, start, session, self._items, self._prepared, self._physics, disturbance
-        )
+        try:
+            return run_closed_loop(
+                self._planner, start, session, self._items, self._prepared, self._physics, disturbance
+            )
+        finally:
+            end_planning(self._planner)
 
 
 def planner_choice(plan: Plan, path: Path) -> PlannerChoice:
