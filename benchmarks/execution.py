@@ -1,0 +1,264 @@
+"""What an execution costs: ``python -m benchmarks.execution [--catalogue DIR] [--orders 5] --json``.
+
+Random 10-item orders are planned, under the paper's rule and with physics-checked planning, and the complete
+plans are carried out in PyBullet with the robot, without rendering. Planning, reading the catalogue and one
+first execution are in no figure. One process, one thread, CPU time. JSON keys, for each of ``rules``
+(``paper``, ``physics``):
+
+- ``orders``, ``planned``: how many orders, and how many were planned whole; ``n``: how many of those plans
+  were carried out to the end, successful or not (a collision ends an execution early, and cheaply);
+- ``cpu_s_median``, ``cpu_s_max``: CPU-seconds of a whole execution, over the plans; each is the median of
+  ``--repeats`` runs; ``cpu_s_an_item``: the median a plan, divided by its items;
+- ``simulated_s_median``: simulated seconds, lowering and settling together; ``steps_median``: time steps of
+  the engine, only those in which it moves items; ``cpu_s_a_simulated_s``: of all plans together;
+- ``time_shares``: where the CPU time goes, over all plans, measured in one more run of each with a clock
+  around the parts named; each part without what other parts do inside it, ``other`` is what is left: ``engine
+  steps`` (items falling and settling), ``rest watch``, ``descent watch`` (overlaps of the held item), ``robot
+  watch`` (overlaps of the robot, down and back up), ``robot joints`` (moving the robot), ``path`` (waypoints
+  to time steps), ``world`` (building floor and walls, and taking all down), ``robot model`` (loading the
+  URDF), ``items`` (making shapes and bodies), ``poses`` (moving the held item, measuring, sleep and wake);
+- ``clock_slows``: CPU time of those runs over that without the clock;
+- ``drop_test_ms``: CPU-milliseconds of one drop of the next item of the plan on the pile before it, as
+  physics-checked planning asks for it: ``median``, ``mean``, ``max`` and how many, ``n``; making the item's
+  shape and body is part of it, carrying the pile over from the drop before likewise.
+
+``cpu_s_median`` at the top is that of ``physics``, or of the last rule that was asked for.
+"""
+
+from __future__ import annotations
+
+from benchmarks import one_thread  # noqa: F401  isort: skip
+
+import argparse
+import functools
+import json
+import statistics
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.orders import fitting, random_orders
+from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
+from packenv.config import GridConfig
+from packenv.io.assets import assets_dir
+from packenv.io.containers import parse_container, read_boxes
+from packenv.physics_planning import CAREFUL, STRICT, make_planner
+from packenv.planning.assembly import PlannerChoice
+from packenv.planning.packer import by_box_volume
+from packenv.robot.cell import Cell
+from packenv.sim import placing
+from packenv.sim.drop_test import DropTest, Lying
+from packenv.sim.placing import PlacementTask
+from packenv.sim.plan_tasks import run_tasks, task_of
+from packenv.sim.rest import RestWatch
+from packenv.sim.robot_model import RobotModel
+from packenv.sim.session import Execution, ExecutionConfig
+from packenv.sim.world import World
+from packenv.types import Container
+
+GRID = GridConfig()
+CONFIG = ExecutionConfig()
+RULES = {
+    "paper": PlannerChoice(),
+    "physics": PlannerChoice(stability="physics", clearance=0.01),
+}
+PARTS: tuple[tuple[type, str, str], ...] = (
+    (World, "step", "engine steps"),
+    (World, "overlaps", "descent watch"),
+    (RestWatch, "calm", "rest watch"),
+    (RobotModel, "overlaps", "robot watch"),
+    (RobotModel, "move", "robot joints"),
+    (RobotModel, "__init__", "robot model"),
+    (World, "__init__", "world"),
+    (World, "close", "world"),
+    (World, "add", "items"),
+    (World, "move", "poses"),
+    (World, "pose", "poses"),
+    (World, "sleep", "poses"),
+    (World, "wake", "poses"),
+    (World, "ghost", "poses"),
+    (World, "solid", "poses"),
+    (placing._Way, "__init__", "path"),
+)
+"""Methods, and the parts of an execution that they are."""
+
+
+class Clock:
+    """CPU time by part; what a part calls that is a part itself counts for that one alone."""
+
+    def __init__(self) -> None:
+        """Nothing spent."""
+        self.spent: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+        self._inner = [0.0]
+
+    @contextmanager
+    def around(self, parts: Sequence[tuple[type, str, str]]) -> Iterator[None]:
+        """Time these methods, of all objects of their classes, while the context lasts."""
+        kept = [(owner, name, getattr(owner, name)) for owner, name, _ in parts]
+        for (owner, name, part), (_, _, method) in zip(parts, kept, strict=True):
+            setattr(owner, name, self._timed(method, part))
+        try:
+            yield
+        finally:
+            for owner, name, method in kept:
+                setattr(owner, name, method)
+
+    def _timed(self, method: Callable[..., Any], part: str) -> Callable[..., Any]:
+        @functools.wraps(method)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            self._inner.append(0.0)
+            start = time.process_time()
+            try:
+                return method(*args, **kwargs)
+            finally:
+                whole = time.process_time() - start
+                self.spent[part] += whole - self._inner.pop()
+                self._inner[-1] += whole
+                self.calls[part] += 1
+
+        return timed
+
+
+def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
+    """CPU-seconds of a call, and its result."""
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+def plan(choice: PlannerChoice, order: Sequence[str], shelf: PhysicsShelf, box: Container) -> Any:
+    """Tasks of the plan of an order; None where items are left over."""
+    planner = make_planner(choice, shelf.plan, box, GRID, shelf.physics, CONFIG.world)
+    packing = planner.pack(by_box_volume(order, shelf.plan.prepared), shelf.plan.prepared, box)
+    if not packing.complete:
+        return None
+    return [task_of(p, shelf.physics[p.item], box) for p in packing.placements]
+
+
+def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
+    """Carry a plan out as ``robotpack execute`` does."""
+    return run_tasks(tasks, Cell.beside(box), CONFIG, assets_dir() / "robot" / "tx90.urdf")
+
+
+def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: int) -> dict[str, Any]:
+    """Time whole executions, then their parts."""
+    rows = []
+    clock, plain, clocked = Clock(), 0.0, 0.0
+    for tasks in tqdm(plans, desc="executing", disable=None):
+        runs = [cpu(lambda tasks=tasks: execute(tasks, box)) for _ in range(repeats)]
+        done = runs[0][1]
+        if len(done.items) < len(tasks):
+            continue
+        seconds = statistics.median(spent for spent, _ in runs)
+        steps = clock.calls["engine steps"]
+        with clock.around(PARTS):
+            clocked += cpu(lambda tasks=tasks: execute(tasks, box))[0]
+        steps = clock.calls["engine steps"] - steps
+        plain += seconds
+        rows.append((seconds, seconds / len(tasks), done.simulated_s, steps))
+    if not rows:
+        return {"n": 0}
+    spent = {part: seconds / clocked for part, seconds in clock.spent.most_common()}
+    whole, item, simulated, steps_made = zip(*rows, strict=True)
+    return {
+        "n": len(rows),
+        "cpu_s_median": statistics.median(whole),
+        "cpu_s_max": max(whole),
+        "cpu_s_an_item": statistics.median(item),
+        "simulated_s_median": statistics.median(simulated),
+        "steps_median": statistics.median(steps_made),
+        "cpu_s_a_simulated_s": sum(whole) / sum(simulated),
+        "time_shares": {**spent, "other": 1.0 - sum(spent.values())},
+        "clock_slows": clocked / plain,
+    }
+
+
+def drop_tests(plans: Sequence[list[PlacementTask]], box: Container) -> dict[str, Any]:
+    """Time the drops of physics-checked planning, had its first choice always been the plan's."""
+    seconds = []
+    for tasks in plans:
+        test = DropTest(box, CONFIG.world)
+        pile: tuple[Lying, ...] = ()
+        for task in tasks:
+            for how in CAREFUL:
+                spent, dropped = cpu(
+                    functools.partial(test.drop, pile, task.item, task.rotation, task.position, how, STRICT)
+                )
+                seconds.append(1e3 * spent)
+            if dropped.reason:
+                # The item did not stay where it was planned, so there is no pile for what comes next.
+                break
+            pile = dropped.pile
+        test.close()
+    if not seconds:
+        return {"n": 0}
+    return {
+        "median": statistics.median(seconds),
+        "mean": statistics.mean(seconds),
+        "max": max(seconds),
+        "n": len(seconds),
+    }
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--container", default="0.32x0.32x0.30")
+    parser.add_argument("--orders", type=int, default=5)
+    parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
+    parser.add_argument("--rules", nargs="+", choices=tuple(RULES), default=list(RULES))
+    parser.add_argument("--repeats", type=int, default=3, help="runs of each plan (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="JSON only, no table")
+    arguments = parser.parse_args()
+    box = parse_container(arguments.container, read_boxes())
+    shelf = load_physics_shelf(arguments.catalogue, GRID)
+    names = fitting(shelf.plan.prepared, box, GRID)
+    orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
+    report: dict[str, Any] = {}
+    for rule in arguments.rules:
+        planned = [
+            plan(RULES[rule], order, shelf, box)
+            for order in tqdm(orders, desc=f"planning, {rule}", disable=None)
+        ]
+        plans = [tasks for tasks in planned if tasks is not None]
+        if plans:
+            execute(plans[0], box)
+        report[rule] = {
+            "orders": len(orders),
+            "planned": len(plans),
+            **executions(plans, box, arguments.repeats),
+            "drop_test_ms": drop_tests(plans, box),
+        }
+        if not arguments.json and report[rule]["n"]:
+            _tell(rule, report[rule])
+    document = {
+        "catalogue": arguments.catalogue,
+        "container": box.label,
+        "items": arguments.items,
+        "cpu_s_median": report[arguments.rules[-1]].get("cpu_s_median"),
+        "rules": report,
+    }
+    print(json.dumps(document, indent=1))
+    return 0
+
+
+def _tell(rule: str, found: dict[str, Any]) -> None:
+    print(
+        f"{rule:<8} {found['cpu_s_median']:.2f} CPU-seconds a plan, {found['cpu_s_an_item']:.2f} an item, "
+        f"{found['simulated_s_median']:.1f} s simulated; a drop {found['drop_test_ms']['median']:.0f} ms",
+        file=sys.stderr,
+    )
+    for part, share in found["time_shares"].items():
+        print(f"  {part:<14} {share:6.1%}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
