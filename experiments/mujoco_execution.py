@@ -1,0 +1,134 @@
+"""A plan carried out in MuJoCo by an ideal hand, judged as :mod:`packenv.sim.session` judges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+
+from experiments.mujoco_pile import Meeting, MujocoConfig, MujocoPile
+from packenv.sim.placing import MotionConfig, PlacementTask
+from packenv.sim.plan_tasks import RELEASE
+from packenv.sim.rest import settle
+from packenv.sim.session import DISPLACED, OUT, Cause, Execution, ItemOutcome, Pose
+from packenv.sim.world import World
+from packenv.types import Container, FloatArray
+
+
+def execute_in_mujoco(
+    tasks: Sequence[PlacementTask],
+    container: Container,
+    config: MujocoConfig | None = None,
+    motion: MotionConfig | None = None,
+) -> Execution:
+    """Release one item after the other 1 cm above its planned place, at rest, and let it settle.
+
+    The way down is not simulated: where items are released is all that the two engines share of it. An item
+    that is deeper than ``motion.tolerance`` in another one or in the container when it is released has
+    collided, and the execution ends.
+
+    Args:
+        tasks: in packing sequence; paths and slips are not read.
+        container: the box.
+        config: settings of the engine.
+        motion: tolerance, longest time for settling, and when the world counts as at rest.
+    """
+    run = _Run(tasks, container, config, motion or MotionConfig())
+    for task in tasks:
+        if not run.place(task):
+            break
+    return run.result()
+
+
+class _Run:
+    def __init__(
+        self,
+        tasks: Sequence[PlacementTask],
+        container: Container,
+        config: MujocoConfig | None,
+        motion: MotionConfig,
+    ) -> None:
+        self._tasks, self._container, self._motion = tasks, container, motion
+        self._pile = MujocoPile(container, [task.item for task in tasks], config)
+        self._outcomes: list[ItemOutcome] = []
+        self._collision: tuple[Cause, str] | None = None
+
+    def place(self, task: PlacementTask) -> bool:
+        """Place the next item; False where it collided."""
+        pile, motion = self._pile, self._motion
+        before = [pile.pose(j) for j in pile.items]
+        k = len(before)
+        released = task.position + np.array([0.0, 0.0, RELEASE])
+        met = max(pile.release(task.rotation, released), key=lambda m: m.depth, default=None)
+        collided = met is not None and met.depth > motion.tolerance
+        start = pile.time
+        at_rest = False
+        if collided:
+            assert met is not None
+            self._collision = self._blame(task, met)
+        else:
+            # The watch for rest asks of a world only what a pile has as well.
+            at_rest = settle(cast(World, pile), motion.settle, motion.rest).at_rest
+        now = pile.pose(k)
+        away = _com(task, now) - _com(task, (task.rotation, task.position))
+        cosine = (np.trace(now[0].T @ task.rotation) - 1.0) / 2.0
+        moved = (
+            j for j, pose in enumerate(before) if _travel(self._tasks[j], pose, pile.pose(j)) > DISPLACED
+        )
+        self._outcomes.append(
+            ItemOutcome(
+                item=task.item.name,
+                planned=(task.rotation, task.position),
+                measured=now,
+                drop_m=RELEASE - float(away[2]),
+                shift_m=float(np.hypot(away[0], away[1])),
+                turned_rad=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+                settle_s=pile.time - start,
+                at_rest=at_rest,
+                deepest_m=None if met is None else met.depth,
+                met="" if met is None else self._name(met.other),
+                collided=collided,
+                moved=tuple(moved),
+            )
+        )
+        return not collided
+
+    def result(self) -> Execution:
+        """Judge by the paper's two criteria."""
+        final = tuple(self._pile.pose(k) for k in self._pile.items)
+        cause, detail = self._collision or self._out(final) or (None, "")
+        return Execution(cause is None, cause, detail, tuple(self._outcomes), final, self._pile.time)
+
+    def _name(self, k: int) -> str:
+        return "container" if k < 0 else self._tasks[k].item.name
+
+    def _displaced(self, k: int) -> bool:
+        planned = (self._tasks[k].rotation, self._tasks[k].position)
+        return _travel(self._tasks[k], planned, self._pile.pose(k)) > DISPLACED
+
+    def _blame(self, task: PlacementTask, met: Meeting) -> tuple[Cause, str]:
+        what = f"{task.item.name} met {self._name(met.other)}"
+        depth = f"{met.depth * 1e3:.1f} mm deep"
+        if met.other >= 0 and self._displaced(met.other):
+            return "item-displaced", f"{what}, which had left its place, {depth}"
+        return "collision", f"{what} {depth}"
+
+    def _out(self, final: Sequence[Pose]) -> tuple[Cause, str] | None:
+        for k, pose in enumerate(final):
+            item = self._tasks[k].item
+            low, high = item.bounds(*pose)
+            over = max(float((-low).max()), float((high - np.array(self._container.size)).max()))
+            if over > OUT:
+                cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
+                return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"
+        return None
+
+
+def _com(task: PlacementTask, pose: Pose) -> FloatArray:
+    com: FloatArray = pose[0] @ task.item.com + pose[1]
+    return com
+
+
+def _travel(task: PlacementTask, a: Pose, b: Pose) -> float:
+    return float(np.linalg.norm(_com(task, a) - _com(task, b)))

@@ -1,0 +1,165 @@
+"""Random orders, each planned anew and handed on to be carried out: what experiments on executions share.
+
+Orders, container and columns are those of :mod:`experiments.execution`, so the rows of both tell of the same
+plans.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.orders import fitting, random_orders
+from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
+from experiments.execution import BOX, COLUMNS, CONFIG, GRID
+from experiments.rows import row_key
+from experiments.runs import finish
+from packenv import __version__
+from packenv.physics_planning import make_planner
+from packenv.planning.packer import by_box_volume
+from packenv.sim.placing import PlacementTask
+from packenv.sim.plan_tasks import task_of
+from packenv.sim.session import Execution
+
+_TIMEOUT = 3600.0
+
+
+@dataclass(frozen=True)
+class PlanJob:
+    """One order in one column, for one experiment.
+
+    Attributes:
+        experiment: its name and whatever else its rows depend on.
+        column: whose planner is asked.
+        index: of the order.
+        order: names of the items.
+        meshes: hashes of their meshes.
+    """
+
+    experiment: str
+    column: str
+    index: int
+    order: tuple[str, ...]
+    meshes: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """Hash of all that the row depends on."""
+        return row_key(__version__, GRID, CONFIG, COLUMNS[self.column], self)
+
+
+class _Worker:
+    """What a worker process loads once."""
+
+    shelf: PhysicsShelf
+
+
+def prepare(catalogue: str) -> None:
+    """Load the catalogue into this process."""
+    _Worker.shelf = load_physics_shelf(catalogue, GRID)
+
+
+def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | None]:
+    """The row of a job as far as planning goes, and the tasks; None where the plan leaves items over."""
+    shelf = _Worker.shelf
+    start = time.process_time()
+    planner = make_planner(COLUMNS[job.column].choice, shelf.plan, BOX, GRID, shelf.physics, CONFIG.world)
+    packing = planner.pack(by_box_volume(job.order, shelf.plan.prepared), shelf.plan.prepared, BOX)
+    row = {
+        "key": job.key,
+        "column": job.column,
+        "index": job.index,
+        "order": job.order,
+        "planned": packing.complete,
+        "plan_cpu_s": time.process_time() - start,
+    }
+    if not packing.complete:
+        return row, None
+    return row, [task_of(p, shelf.physics[p.item], BOX) for p in packing.placements]
+
+
+def figures(execution: Execution) -> dict[str, Any]:
+    """What a row keeps of an execution."""
+    return {
+        "success": execution.success,
+        "cause": execution.cause,
+        "detail": execution.detail,
+        "drop_m": [outcome.drop_m for outcome in execution.items],
+        "shift_m": [outcome.shift_m for outcome in execution.items],
+        "at_rest": all(outcome.at_rest for outcome in execution.items),
+        "simulated_s": execution.simulated_s,
+    }
+
+
+def run(
+    work: Callable[[PlanJob], dict[str, Any]],
+    summarize: Callable[[Sequence[dict[str, Any]]], dict[str, Any]],
+    *,
+    description: str,
+    experiment: str,
+    orders: int,
+    column: str,
+) -> int:
+    """The program of an experiment: options, jobs without a row yet, JSON.
+
+    Args:
+        work: a job to its row; module-level, since it is pickled.
+        summarize: rows without failed ones to the figures that are printed.
+        description: one line.
+        experiment: name of the file of rows, and what the rows depend on beside the job.
+        orders: how many, unless the user says otherwise.
+        column: likewise.
+
+    Returns:
+        exit code: 1 where a job failed.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    open_loop = [name for name, c in COLUMNS.items() if not c.closed]
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--orders", type=int, default=orders)
+    parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
+    parser.add_argument(
+        "--column", choices=open_loop, default=column, help="how to plan (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path(f"runs/{experiment.split()[0]}.jsonl"))
+    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
+    arguments = parser.parse_args()
+    prepare(arguments.catalogue)
+    shelf = _Worker.shelf.plan
+    names = fitting(shelf.prepared, BOX, GRID)
+    jobs = [
+        PlanJob(
+            experiment,
+            arguments.column,
+            index,
+            tuple(order),
+            tuple(shelf.meshes[name].sha256[:16] for name in order),
+        )
+        for index, order in enumerate(random_orders(names, arguments.items, arguments.orders, arguments.seed))
+    ]
+    rows, failed = finish(
+        work,
+        jobs,
+        out=arguments.out,
+        workers=arguments.workers,
+        timeout=_TIMEOUT,
+        prepare=prepare,
+        arguments=(arguments.catalogue,),
+    )
+    sound = [row for row in rows if "error" not in row]
+    report = {
+        "column": arguments.column,
+        "orders": len(sound),
+        "planned": sum(row["planned"] for row in sound),
+        **summarize(sound),
+        "failed_jobs": failed,
+    }
+    print(json.dumps(report, indent=1))  # noqa: T201
+    return 1 if failed else 0

@@ -1,0 +1,89 @@
+"""Figures of the experiments that carry plans out twice."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from experiments import early_rest
+from packenv.sim.placing import MotionConfig
+from packenv.sim.session import ExecutionConfig
+from tests.sim.bodies import brick, by_hand
+
+
+def test_a_pile_that_comes_to_rest_stays_there() -> None:
+    config = ExecutionConfig(motion=MotionConfig(settle=3.0))
+    tasks = [by_hand(brick(), (0.1, 0.1, 0.0)), by_hand(brick(), (0.12, 0.11, 0.05))]
+    row = early_rest.both(tasks, config)
+    assert row["early"]["success"]
+    assert row["full"]["success"]
+    assert len(row["apart_m"]) == 2
+    assert max(row["apart_m"]) < 3e-4
+    saved = row["full"]["simulated_s"] - row["early"]["simulated_s"]
+    # Both wait while they fall and for the rule's time; what is left of 3 s is saved twice.
+    assert 2 * 2.0 < saved < 2 * (3.0 - 0.15)
+
+
+def done(cause: str | None, cpu: float = 1.0) -> dict[str, Any]:
+    return {
+        "success": cause is None,
+        "cause": cause,
+        "detail": cause or "",
+        "drop_m": [0.01, 0.02],
+        "shift_m": [0.0, 0.001],
+        "at_rest": True,
+        "simulated_s": 10.0 * cpu,
+        "cpu_s": cpu,
+    }
+
+
+def test_early_rest_tells_where_the_verdicts_differ() -> None:
+    rows = [
+        {"index": 0, "early": done(None), "full": done(None, 4.0), "apart_m": [0.0, 0.0005]},
+        {"index": 1, "early": done("item-out"), "full": done("item-out", 4.0), "apart_m": [0.2]},
+        {"index": 2, "early": done(None), "full": done("collision", 4.0), "apart_m": [0.1]},
+        {"index": 3, "early": done(None), "full": done(None, 4.0), "apart_m": [0.003, 0.0]},
+        {"index": 4},
+    ]
+    report = early_rest.summarize(rows)
+    assert report["n"] == 4
+    assert report["same_verdict"] == 0.75
+    assert [d["index"] for d in report["different"]] == [2]
+    assert report["success_early"] == 0.75
+    assert report["success_full"] == 0.5
+    assert report["apart_mm"]["max"] == pytest.approx(3.0)
+    assert report["apart_share_1mm"] == 0.5
+    assert report["cpu_saved"] == 0.75
+
+
+def test_without_a_complete_plan_there_is_nothing_to_tell() -> None:
+    assert early_rest.summarize([{"index": 0}]) == {"n": 0}
+
+
+def test_the_second_engine_is_asked_about_the_first_one_s_successes_alone() -> None:
+    pytest.importorskip("mujoco")
+    from experiments import second_engine
+
+    good = done(None)
+    rows = [
+        {"index": 0, "first": good, "second": done(None, 2.0), "apart_m": [0.001, 0.0]},
+        {"index": 1, "first": good, "second": done("collision", 2.0), "apart_m": [0.5]},
+        {"index": 2, "first": done("collision")},
+        {"index": 3},
+        {"index": 4, "first": good, "second": replaced(done(None, 2.0), at_rest=False), "apart_m": [0.002]},
+    ]
+    report = second_engine.summarize(rows)
+    assert report["n"] == 3
+    assert report["success"] == pytest.approx(2 / 3)
+    assert report["causes"] == {"collision": 1}
+    assert report["failures"] == [{"index": 1, "detail": "collision"}]
+    assert report["drop_cm"] == pytest.approx(1.5)
+    assert report["first"]["shift_cm"] == pytest.approx(0.05)
+    assert report["apart_mm"]["max"] == pytest.approx(2.0)
+    assert report["restless"] == 1
+    assert second_engine.summarize(rows[2:4]) == {"n": 0}
+
+
+def replaced(row: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    return {**row, **changes}
