@@ -150,10 +150,6 @@ class Session:
         """Poses of the placed items' mesh frames now."""
         return tuple(self.world.pose(body) for body in self._bodies)
 
-    def add_at_rest(self, task: PlacementTask) -> None:
-        """Put an item where it is said to lie, without robot: the pile that a test begins with."""
-        self._bodies.append(self.world.add(task.item, task.rotation, task.position))
-
     def place(self, task: PlacementTask) -> ItemOutcome:
         """Bring one item in and wait for rest."""
         before = self.measured()

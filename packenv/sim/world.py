@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import math
+import shutil
 import tempfile
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,7 +89,8 @@ class World:
         self.container = container
         self.time = 0.0
         self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
-        self._folder = tempfile.TemporaryDirectory(prefix="robotpack-")
+        self._folder = Path(tempfile.mkdtemp(prefix="robotpack-"))
+        self._free = weakref.finalize(self, _free, self._client, self._folder)
         self._items: dict[int, PhysicsItem] = {}
         self._shapes: dict[PhysicsItem, int] = {}
         p, c = pybullet, self._client
@@ -121,11 +124,8 @@ class World:
         self.close()
 
     def close(self) -> None:
-        """Free the engine's memory; twice is fine."""
-        if self._client >= 0:
-            pybullet.disconnect(self._client)
-            self._client = -1
-            self._folder.cleanup()
+        """Free the engine's memory; twice is fine, and a world that is forgotten is closed too."""
+        self._free()
 
     @property
     def client(self) -> int:
@@ -230,11 +230,6 @@ class World:
         half = min(float(np.linalg.norm(turned - turn)), float(np.linalg.norm(turned + turn)))
         return math.dist(now, at) + 2.0 * half * self._items[body].reach
 
-    def touches(self, body: int) -> list[Touch]:
-        """Contacts of a body, as of the last step."""
-        found: Sequence[Any] = pybullet.getContactPoints(bodyA=body, physicsClientId=self._client)
-        return [_touch(t) for t in found]
-
     def ghost(self, body: int) -> None:
         """Let a body pass through everything; :meth:`overlaps` still sees it."""
         self._collide(body, 0)
@@ -305,7 +300,7 @@ class World:
     def _parts_file(self, item: PhysicsItem) -> Path:
         """One OBJ with an ``o`` a part; named by content, for Bullet never reads a path again."""
         text = _obj_text([part * SCALE for part in item.parts])
-        path = Path(self._folder.name) / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.obj"
+        path = self._folder / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.obj"
         if not path.exists():
             path.write_text(text, encoding="ascii")
         return path
@@ -316,6 +311,12 @@ class World:
         body = p.createMultiBody(0.0, shape, basePosition=[x * SCALE for x in centre], physicsClientId=c)
         p.changeDynamics(body, -1, **self._surface(), physicsClientId=c)
         return int(body)
+
+
+def _free(client: int, folder: Path) -> None:
+    """Close a world."""
+    pybullet.disconnect(client)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _touch(record: Sequence[Any]) -> Touch:

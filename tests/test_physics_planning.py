@@ -1,0 +1,150 @@
+"""Planning with physics, and executing in closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from packenv.closed_loop import _still_good, run_closed_loop
+from packenv.config import GridConfig
+from packenv.geometry.convex_parts import ConvexParts
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.prepare import prepare_item
+from packenv.io.assets import assets_dir
+from packenv.physics_planning import make_planner
+from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.measured import Resting, measured_map
+from packenv.planning.packer import Packing
+from packenv.robot.cell import Cell
+from packenv.sim.disturbance import Disturbance
+from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.plan_tasks import run_tasks, task_of
+from packenv.sim.session import ExecutionConfig, Session
+from packenv.types import Container
+from tests.shapes import box
+
+GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
+BOX = Container(0.3, 0.3, 0.2)
+URDF = assets_dir() / "robot" / "tx90.urdf"
+ITEMS = {
+    item.name: item
+    for item in (
+        box(0.12, 0.10, 0.05, "slab"),
+        box(0.10, 0.08, 0.06, "brick"),
+        box(0.06, 0.05, 0.04, "block"),
+        box(0.05, 0.05, 0.03, "cube"),
+    )
+}
+NAMES = ["slab", "brick", "block", "cube"]
+
+
+@pytest.fixture(scope="module")
+def shelf() -> Shelf:
+    prepared = {name: prepare_item(item, GRID) for name, item in ITEMS.items()}
+    return Shelf(ITEMS, prepared, {name: SurfaceField.of_item(item) for name, item in ITEMS.items()})
+
+
+@pytest.fixture(scope="module")
+def physics() -> dict[str, PhysicsItem]:
+    return {
+        name: PhysicsItem.of_item(item, ConvexParts((item.vertices,), None, 0.0, 0.0))
+        for name, item in ITEMS.items()
+    }
+
+
+def planned(choice: PlannerChoice, shelf: Shelf, physics: dict[str, PhysicsItem]) -> Packing:
+    return make_planner(choice, shelf, BOX, GRID, physics).pack(NAMES, shelf.prepared, BOX)
+
+
+def where(packing: Packing) -> list[tuple[str, list[float]]]:
+    return [(p.item, p.position.tolist()) for p in packing.placements]
+
+
+def test_without_physics_it_is_the_planner_that_was_asked_for(
+    shelf: Shelf, physics: dict[str, PhysicsItem]
+) -> None:
+    choice = PlannerChoice(grasp="paper")
+    plain = assemble(choice, shelf, BOX, GRID).pack(NAMES, shelf.prepared, BOX)
+    assert where(planned(choice, shelf, physics)) == where(plain)
+    with pytest.raises(ValueError, match="physics_planning"):
+        assemble(replace(choice, stability="physics"), shelf, BOX, GRID)
+
+
+def test_a_plan_checked_by_physics_stays_where_it_is_in_physics(
+    shelf: Shelf, physics: dict[str, PhysicsItem]
+) -> None:
+    packing = planned(PlannerChoice(stability="physics", clearance=0.008), shelf, physics)
+    assert packing.complete
+    assert all("physics" in p.details for p in packing.placements)
+    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
+    done = run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), URDF)
+    assert done.success
+    assert max(outcome.shift_m for outcome in done.items) < 0.002
+
+
+def test_the_same_plan_twice(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+    choice = PlannerChoice(stability="physics", clearance=0.008)
+    assert where(planned(choice, shelf, physics)) == where(planned(choice, shelf, physics))
+
+
+def looped(shelf: Shelf, physics: dict[str, PhysicsItem], disturbance: Disturbance | None):  # type: ignore[no-untyped-def]
+    choice = PlannerChoice(grasp="paper", clearance=0.012)
+    planner = make_planner(choice, shelf, BOX, GRID, physics)
+    packing = planner.pack(NAMES, shelf.prepared, BOX)
+    config = ExecutionConfig() if disturbance is None else disturbance.config(ExecutionConfig())
+    with Session(Cell.beside(BOX), config, URDF) as session:
+        return packing, run_closed_loop(
+            planner, packing, session, shelf.meshes, shelf.prepared, physics, disturbance
+        )
+
+
+def test_closed_loop_keeps_a_plan_that_holds(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+    packing, result = looped(shelf, physics, None)
+    assert result.success
+    assert result.plans == 1
+    assert [p.item for p in result.placements] == [p.item for p in packing.placements]
+
+
+def test_planning_anew_after_every_item_packs_them_all_too(
+    shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
+    _, result = looped(shelf, physics, None)
+    assert result.success
+    assert result.plans == len(NAMES)
+    assert sorted(p.item for p in result.placements) == sorted(NAMES)
+
+
+def test_a_placement_is_still_good_until_something_stands_in_its_way(
+    shelf: Shelf, physics: dict[str, PhysicsItem]
+) -> None:
+    packing = planned(PlannerChoice(grasp="paper", clearance=0.012), shelf, physics)
+    first, second = packing.placements[:2]
+    empty = ContainerMap.empty(BOX, GRID.cell_size)
+
+    def good(away: tuple[float, float, float]) -> bool:
+        moved = Resting(ITEMS[first.item], first.rotation, first.position + np.array(away))
+        measured = measured_map(BOX, GRID.cell_size, [moved])
+        return _still_good(second, ITEMS[second.item], packing.surfaces[0], measured, 0.01)
+
+    towards = second.corner - first.corner
+    assert good((0.0, 0.0, 0.0))
+    assert not good((towards[0], towards[1], 0.0))
+    assert _still_good(second, ITEMS[second.item], packing.surfaces[0], empty, 0.01)
+
+
+def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsItem], shelf: Shelf) -> None:
+    packing = planned(PlannerChoice(constraints="overlap"), shelf, physics)
+    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
+    one, other = Disturbance(5), Disturbance(5)
+    assert one.config(ExecutionConfig()) == other.config(ExecutionConfig())
+    slips = [d.task(tasks[0], 2).slip for d in (one, other)]
+    assert slips[0] is not None
+    assert np.array_equal(slips[0], slips[1])
+    assert not np.array_equal(slips[0], Disturbance(6).task(tasks[0], 2).slip)
+    assert 0.5 <= one.config(ExecutionConfig()).world.mu <= 0.9
+    factor = one.task(tasks[0], 1).item.mass / tasks[0].item.mass
+    assert 0.9 <= factor <= 1.1
