@@ -149,16 +149,17 @@ def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
 def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: int) -> dict[str, Any]:
     """Time whole executions, then their parts."""
     rows = []
-    clock, plain, clocked = Clock(), 0.0, 0.0
+    clock = Clock()
+    plain = clocked = 0.0
     for tasks in tqdm(plans, desc="executing", disable=None):
-        runs = [cpu(lambda tasks=tasks: execute(tasks, box)) for _ in range(repeats)]
+        runs = [cpu(functools.partial(execute, tasks, box)) for _ in range(repeats)]
         done = runs[0][1]
         if len(done.items) < len(tasks):
             continue
         seconds = statistics.median(spent for spent, _ in runs)
         steps = clock.calls["engine steps"]
         with clock.around(PARTS):
-            clocked += cpu(lambda tasks=tasks: execute(tasks, box))[0]
+            clocked += cpu(functools.partial(execute, tasks, box))[0]
         steps = clock.calls["engine steps"] - steps
         plain += seconds
         rows.append((seconds, seconds / len(tasks), done.simulated_s, steps))

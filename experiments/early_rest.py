@@ -17,7 +17,8 @@ ones. JSON keys:
 - ``success_early``, ``success_full``: shares that succeeded;
 - ``apart_mm``: how far an item's farthest point is apart between the two modes' final poses, the largest of
   each plan that succeeded in both: ``median``, ``p95``, ``max`` over plans; ``apart_share_1mm``: share of
-  those plans in which no item is farther apart than 1 mm;
+  those plans in which no item is farther apart than 1 mm; ``wanderers``: in how many of them each item, by
+  name, is farther apart than that;
 - ``simulated_s_early``, ``simulated_s_full``: means; ``cpu_s_early``, ``cpu_s_full``: medians a plan;
   ``cpu_saved``: share of all CPU-seconds that early rest saves;
 - ``restless_early``: plans that succeeded early though an item was still not at rest after 20 s;
@@ -31,6 +32,7 @@ from __future__ import annotations
 import statistics
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -46,6 +48,8 @@ from packenv.sim.placing import PlacementTask
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 
+_APART = 0.001
+
 
 def work(job: PlanJob) -> dict[str, Any]:
     """Plan one order and carry it out twice."""
@@ -59,6 +63,7 @@ def both(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> dict[str, A
     early, early_cpu = _timed(tasks, config)
     full, full_cpu = _timed(tasks, replace(config, motion=full_motion))
     return {
+        "items": [task.item.name for task in tasks],
         "early": {**figures(early), "cpu_s": early_cpu},
         "full": {**figures(full), "cpu_s": full_cpu},
         "apart_m": [
@@ -79,8 +84,9 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     tried = [row for row in rows if "early" in row]
     if not tried:
         return {"n": 0}
+    agreed = [row for row in tried if row["early"]["success"] and row["full"]["success"]]
     different = [row for row in tried if row["early"]["cause"] != row["full"]["cause"]]
-    apart = [1e3 * max(row["apart_m"]) for row in tried if row["early"]["success"] and row["full"]["success"]]
+    apart = [1e3 * max(row["apart_m"]) for row in agreed]
     spent = {mode: sum(row[mode]["cpu_s"] for row in tried) for mode in ("early", "full")}
     report: dict[str, Any] = {
         "n": len(tried),
@@ -91,6 +97,7 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         ],
         "apart_mm": None,
         "apart_share_1mm": None,
+        "wanderers": dict(_wanderers(agreed).most_common()),
         "cpu_saved": 1.0 - spent["early"] / spent["full"],
         "restless_early": sum(row["early"]["success"] and not row["early"]["at_rest"] for row in tried),
     }
@@ -100,13 +107,21 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "p95": float(np.quantile(apart, 0.95)),
             "max": max(apart),
         }
-        report["apart_share_1mm"] = statistics.mean(d <= 1.0 for d in apart)
+        report["apart_share_1mm"] = statistics.mean(d <= 1e3 * _APART for d in apart)
     for mode in ("early", "full"):
         found = [row[mode] for row in tried]
         report[f"success_{mode}"] = statistics.mean(f["success"] for f in found)
         report[f"simulated_s_{mode}"] = statistics.mean(f["simulated_s"] for f in found)
         report[f"cpu_s_{mode}"] = statistics.median(f["cpu_s"] for f in found)
     return report
+
+
+def _wanderers(rows: Sequence[dict[str, Any]]) -> Counter[str]:
+    return Counter(
+        name
+        for row in rows
+        for name in {n for n, d in zip(row["items"], row["apart_m"], strict=True) if d > _APART}
+    )
 
 
 def main() -> int:

@@ -45,8 +45,8 @@ def test_a_dropped_box_rests_where_it_was_dropped() -> None:
     settled = settle(cast(World, pile), 5.0, RestRule())
     rotation, position = pile.pose(0)
     assert settled.at_rest
-    # A fall of a centimetre, and the rule's time.
-    assert settled.seconds > math.sqrt(2 * 0.01 / GRAVITY) + RestRule().time
+    # A fall of a centimetre, of which the last bit may be within the rule's travel, and the rule's time.
+    assert settled.seconds > 0.9 * math.sqrt(2 * 0.01 / GRAVITY) + RestRule().time
     assert np.abs(position - [0.1, 0.1, 0.0]).max() < 5e-4
     assert angle(rotation) < math.radians(1.0)
 

@@ -41,11 +41,13 @@ def done(cause: str | None, cpu: float = 1.0) -> dict[str, Any]:
 def test_early_rest_tells_where_the_verdicts_differ() -> None:
     rows = [
         {"index": 0, "early": done(None), "full": done(None, 4.0), "apart_m": [0.0, 0.0005]},
-        {"index": 1, "early": done("item-out"), "full": done("item-out", 4.0), "apart_m": [0.2]},
-        {"index": 2, "early": done(None), "full": done("collision", 4.0), "apart_m": [0.1]},
-        {"index": 3, "early": done(None), "full": done(None, 4.0), "apart_m": [0.003, 0.0]},
+        {"index": 1, "early": done("item-out"), "full": done("item-out", 4.0), "apart_m": [0.2, 0.2]},
+        {"index": 2, "early": done(None), "full": done("collision", 4.0), "apart_m": [0.1, 0.1]},
+        {"index": 3, "early": done(None), "full": done(None, 4.0), "apart_m": [0.0, 0.003]},
         {"index": 4},
     ]
+    for row in rows[:4]:
+        row["items"] = ["mug", "ball"]
     report = early_rest.summarize(rows)
     assert report["n"] == 4
     assert report["same_verdict"] == 0.75
@@ -54,6 +56,7 @@ def test_early_rest_tells_where_the_verdicts_differ() -> None:
     assert report["success_full"] == 0.5
     assert report["apart_mm"]["max"] == pytest.approx(3.0)
     assert report["apart_share_1mm"] == 0.5
+    assert report["wanderers"] == {"ball": 1}
     assert report["cpu_saved"] == 0.75
 
 
