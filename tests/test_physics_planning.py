@@ -15,7 +15,6 @@ from packenv.geometry.prepare import prepare_item
 from packenv.io.assets import assets_dir
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Packing
 from packenv.robot.cell import Cell
@@ -122,18 +121,18 @@ def test_a_placement_is_still_good_until_something_stands_in_its_way(
     shelf: Shelf, physics: dict[str, PhysicsItem]
 ) -> None:
     packing = planned(PlannerChoice(grasp="paper", clearance=0.012), shelf, physics)
-    first, second = packing.placements[:2]
-    empty = ContainerMap.empty(BOX, GRID.cell_size)
+    first, last = packing.placements[0], packing.placements[-1]
+    assert last.corner[2] == 0.0
+    believed = packing.surfaces[-2]
 
-    def good(away: tuple[float, float, float]) -> bool:
-        moved = Resting(ITEMS[first.item], first.rotation, first.position + np.array(away))
-        measured = measured_map(BOX, GRID.cell_size, [moved])
-        return _still_good(second, ITEMS[second.item], packing.surfaces[0], measured, 0.01)
+    def good(corner: np.ndarray) -> bool:
+        """With the first item at a corner on the floor."""
+        lying = Resting(ITEMS[first.item], first.rotation, first.position + corner - first.corner)
+        measured = measured_map(BOX, GRID.cell_size, [lying])
+        return _still_good(last, ITEMS[last.item], believed, measured, 0.01)
 
-    towards = second.corner - first.corner
-    assert good((0.0, 0.0, 0.0))
-    assert not good((towards[0], towards[1], 0.0))
-    assert _still_good(second, ITEMS[second.item], packing.surfaces[0], empty, 0.01)
+    assert good(first.corner)
+    assert not good(last.corner)
 
 
 def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsItem], shelf: Shelf) -> None:

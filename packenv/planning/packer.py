@@ -12,7 +12,7 @@ import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import Candidates, grid_search
-from packenv.planning.constraints import Constraint, Trial
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.scores import Heuristic
 from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
@@ -262,13 +262,16 @@ class _Run:
         possible = orientations if lazily else [o for o in orientations if not self.objected(o, counts)]
         if not possible:
             return _Attempt(None, counts)
+        known: dict[tuple[int, int, int, int], Verdict] = {}
         for tier in tiers or self.planner.tiers:
             candidates = grid_search(
                 self.pile.surface, possible, self.planner.step, tier.clearance, self.planner.play
             )
             if not len(candidates):
                 continue
-            placement = self.among(candidates, tier, name, instance, route, counts, asked if lazily else None)
+            placement = self.among(
+                candidates, tier, name, instance, route, counts, asked if lazily else None, known
+            )
             if placement is not None:
                 return _Attempt(placement, counts)
         return _Attempt(None, counts)
@@ -282,6 +285,7 @@ class _Run:
         route: str,
         counts: Counter[str],
         asked: dict[OrientedItem, bool] | None,
+        known: dict[tuple[int, int, int, int], Verdict],
     ) -> Placement | None:
         """Place the first candidate, in order of score, that no constraint refuses.
 
@@ -293,6 +297,7 @@ class _Run:
             route: for the record.
             counts: rejections by reason so far; grows.
             asked: as in :meth:`turns`; None where all objections have been asked for.
+            known: answers of earlier tiers on the same pile, by constraint and candidate; grows.
         """
         scores = self.planner.heuristic(candidates, self.rng)
         in_turn = (
@@ -305,14 +310,18 @@ class _Run:
             trial = _trial(candidates, index)
             states: list[Any] = []
             details: dict[str, object] = {}
-            known: ContainerMap | None = None
+            surface: ContainerMap | None = None
             for constraint, state in zip(constraints, self.pile.states, strict=True):
-                verdict = constraint.check(trial, self.pile.surface, state)
+                question = (id(constraint), id(trial.oriented), trial.ix, trial.iy)
+                verdict = known.get(question)
+                if verdict is None:
+                    verdict = known[question] = constraint.check(trial, self.pile.surface, state)
+                    if not verdict.ok:
+                        counts[verdict.reason] += 1
                 if not verdict.ok:
-                    counts[verdict.reason] += 1
                     break
                 states.append(verdict.state)
-                known = verdict.surface or known
+                surface = verdict.surface or surface
                 details[constraint.name] = dict(verdict.details)
             else:
                 if len(self.planner.tiers) > 1:
@@ -333,7 +342,8 @@ class _Run:
                     rejections=dict(counts),
                     details=details,
                 )
-                surface = known or self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+                if surface is None:
+                    surface = self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
                 self.pile = Pile(surface, tuple(states))
                 self.placements.append(placement)
                 self.surfaces.append(surface)
