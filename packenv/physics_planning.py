@@ -30,9 +30,9 @@ EXACT = (Release(),)
 
 STRICT = DropRule()
 """The item comes to rest where it was planned."""
-LENIENT = DropRule(shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
+LENIENT = DropRule("lenient", shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
 """The item comes to rest near its place and leaves the others where they are: for those that come last."""
-ANYHOW = DropRule(math.inf, math.inf, math.inf, math.inf, restless=True)
+ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, restless=True)
 """Whatever comes of it."""
 
 _DROPPED = 30
@@ -119,6 +119,7 @@ class PhysicsConstraint:
             "shift_m": round(dropped.shift_m, 6),
             "sink_m": round(dropped.sink_m, 6),
             "turned_deg": round(math.degrees(dropped.turned_rad), 3),
+            "rule": self._rule.name,
         }
         # Where it was meant to be and where physics has it: what comes next must clear both.
         meant = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)

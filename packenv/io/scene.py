@@ -170,7 +170,14 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
     figures: dict[str, object] = {"Checked": placement.checked}
     if placement.rejections:
         figures["Rejected"] = dict(placement.rejections)
-    for name, describe in (("stability", _stability_figures), ("manipulation", _manipulation_figures)):
+    clearance = placement.details.get("clearance_m")
+    if isinstance(clearance, int | float):
+        figures["Clearance"] = f"{clearance * 1e3:.0f} mm"
+    for name, describe in (
+        ("stability", _stability_figures),
+        ("physics", _physics_figures),
+        ("manipulation", _manipulation_figures),
+    ):
         details = placement.details.get(name)
         if isinstance(details, Mapping):
             try:
@@ -187,6 +194,16 @@ def _stability_figures(details: Mapping[str, Any]) -> dict[str, object]:
     figures["Forces on it"] = [
         f"{math.hypot(*force['force']):.2f} N at {_point(force['at'])}" for force in details["forces"]
     ]
+    return figures
+
+
+def _physics_figures(details: Mapping[str, Any]) -> dict[str, object]:
+    shift, sink = float(details["shift_m"]) * 1e3, float(details["sink_m"]) * 1e3
+    figures: dict[str, object] = {
+        "In a drop": f"shifts {shift:.1f} mm, sinks {sink:.1f} mm, turns {float(details['turned_deg']):.1f}°"
+    }
+    if details.get("rule", "strict") != "strict":
+        figures["Drop judged"] = str(details["rule"])
     return figures
 
 

@@ -21,6 +21,7 @@ class DropRule:
     """How far items may move in a drop, at any time of it.
 
     Attributes:
+        name: a word for plans.
         shift: of the new item's centre of mass from where it was released, horizontally, m.
         sink: of the same below its planned height, m; half as much above it counts as not seated.
         turn: of the new item from how it was released, rad; of balls nothing is asked.
@@ -30,6 +31,7 @@ class DropRule:
         rest: when the world counts as at rest.
     """
 
+    name: str = "strict"
     shift: float = 0.008
     sink: float = 0.008
     turn: float = math.radians(12.0)
