@@ -9,7 +9,7 @@ from typing import Any
 
 from packenv.config import GridConfig
 from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, clearances
-from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Planner, Tier
@@ -32,8 +32,11 @@ STRICT = DropRule()
 """The item comes to rest where it was planned."""
 LENIENT = DropRule("lenient", shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
 """The item comes to rest near its place and leaves the others where they are: for those that come last."""
-ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, restless=True)
+ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, inside=False, restless=True)
 """Whatever comes of it."""
+
+SLIPPERY = 0.5
+"""Most friction that the scratch world has: what needs more to stay is not to be relied on."""
 
 _DROPPED = 30
 """Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
@@ -149,24 +152,28 @@ def make_planner(
         container: the box.
         grid: the discretization that ``shelf.prepared`` was made with.
         physics: every item of the order, for physics; read for ``physics`` alone.
-        world: of the scratch world.
+        world: of the scratch world, but for its friction.
     """
     if choice.stability != "physics":
         return assemble(choice, shelf, container, grid)
     planner = assemble(replace(choice, stability="paper"), shelf, container, grid)
-    scratch = Scratch(container, world or WorldConfig())
+    world = world or WorldConfig()
+    scratch = Scratch(container, replace(world, mu=min(world.mu, SLIPPERY)))
     strict = PhysicsConstraint(physics, scratch, shelf.meshes)
     lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
     anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)
     static = planner.constraints
     cautious = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
     levels = clearances(choice, grid)
+    # Some of the clearance that was asked for is enough; none of it is makeshift.
+    tightest = levels[-2] if len(levels) > 1 else 0
 
     def wary(cells: int) -> Tier:
-        return Tier(cells, (*cautious, strict), each=_EACH_WARY)
+        return Tier(cells, (*cautious, strict), each=_EACH_WARY, makeshift=cells < tightest)
 
-    def tried(cells: int, last: Constraint) -> Tier:
-        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED)
+    def tried(cells: int, last: PhysicsConstraint) -> Tier:
+        rough = last is not strict or cells < tightest
+        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED, rough)
 
     first = [tier for cells in levels for tier in (wary(cells), tried(cells, strict))]
     # What comes last may lie a little off: rather that than pass its neighbours by a hair.
@@ -174,7 +181,8 @@ def make_planner(
         tier for cells in levels[:-1] for tier in (wary(cells), tried(cells, strict), tried(cells, lenient))
     ]
     roomy = [*late, *(tried(cells, anyhow) for cells in levels[:-1])]
-    tight = [wary(0), tried(0, strict), tried(0, lenient), Tier(0, (*static, anyhow))]
+    last = Tier(0, (*static, anyhow), makeshift=True)
+    tight = [wary(0), tried(0, strict), tried(0, lenient), last]
     return replace(
         planner,
         constraints=(*static, strict),

@@ -52,6 +52,7 @@ class Packing:
         leftovers: what did not fit, and why.
         surfaces: the container heightmap after each placement.
         utilization: volume of the placed items as a share of the container's.
+        makeshift: items that were placed by a makeshift tier.
     """
 
     container: Container
@@ -59,6 +60,7 @@ class Packing:
     leftovers: tuple[Leftover, ...]
     surfaces: tuple[ContainerMap, ...]
     utilization: float
+    makeshift: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -76,12 +78,14 @@ class Tier:
         max_checked: as the planner's, in its place; None takes that.
         each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
             and one failure there tells of the rest. None takes them as they come.
+        makeshift: better than nothing, but a restart with such items first is worth trying.
     """
 
     clearance: int = 0
     constraints: Sequence[Constraint] | None = None
     max_checked: int | None = None
     each: int | None = None
+    makeshift: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +135,9 @@ class Planner:
     ) -> Packing:
         """Pack items one after another (paper Alg. 4); with restarts, again with what failed first.
 
-        The paper never takes a placement back. A restart does, all at once: what found no place goes to the
-        front of the sequence, and the order is planned anew. The fullest packing is kept.
+        The paper never takes a placement back. A restart does, all at once: what found no place, or a
+        makeshift one, goes to the front of the sequence, and the order is planned anew. The fullest packing
+        is kept, and of such the one with the fewest makeshift placements.
 
         Under the non-overlap constraints alone there is no fallback in the sequence: heights only grow, so an
         item that fits nowhere fits nowhere later.
@@ -147,15 +152,20 @@ class Planner:
         last, tried = best, {tuple(sequence)}
         for _ in range(self.restarts):
             late = [left.item for left in last.leftovers if left.reason in _WORTH_A_RESTART]
+            late += last.makeshift
             rest = list((Counter(sequence) - Counter(late)).elements())
             sequence = [*late, *sorted(rest, key=list(sequence).index)]
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
             last = _Run(self, items, container, start).pack(sequence)
-            if len(last.placements) > len(best.placements):
+            if _goodness(last) > _goodness(best):
                 best = last
         return best
+
+
+def _goodness(packing: Packing) -> tuple[int, int]:
+    return len(packing.placements), -len(packing.makeshift)
 
 
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
@@ -181,6 +191,7 @@ class _Run:
     start: Pile | None = None
     placements: list[Placement] = field(default_factory=list)
     surfaces: list[ContainerMap] = field(default_factory=list)
+    makeshift: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
@@ -208,7 +219,14 @@ class _Run:
                     return self.given_up(pieces, leftovers[0].detail)
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
-        return Packing(self.container, tuple(self.placements), tuple(leftovers), tuple(self.surfaces), share)
+        return Packing(
+            self.container,
+            tuple(self.placements),
+            tuple(leftovers),
+            tuple(self.surfaces),
+            share,
+            tuple(self.makeshift),
+        )
 
     def given_up(self, pieces: Sequence[tuple[str, int]], why: str) -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
@@ -347,6 +365,8 @@ class _Run:
                 self.pile = Pile(surface, tuple(states))
                 self.placements.append(placement)
                 self.surfaces.append(surface)
+                if tier.makeshift:
+                    self.makeshift.append(name)
                 return placement
         return None
 

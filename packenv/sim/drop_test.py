@@ -27,6 +27,7 @@ class DropRule:
         turn: of the new item from how it was released, rad; of balls nothing is asked.
         nudge: of the centre of mass of any item placed before, from where it lay, m.
         settle: longest time for settling, s.
+        inside: whether the item must end inside the container.
         restless: whether an item that still moves then may stay.
         rest: when the world counts as at rest.
     """
@@ -37,6 +38,7 @@ class DropRule:
     turn: float = math.radians(12.0)
     nudge: float = 0.004
     settle: float = 2.0
+    inside: bool = True
     restless: bool = False
     rest: RestRule = field(default_factory=RestRule)
 
@@ -175,9 +177,16 @@ class DropTest:
                 reason = "nudges-pile"
             elif at_rest and com[2] > height + rule.sink / 2.0:
                 reason = "sits-high"
+            elif at_rest and rule.inside and not self._inside(item, now):
+                reason = "sticks-out"
             if reason or at_rest:
                 return reason, world.time - began
         return "" if rule.restless else "restless", world.time - began
+
+    def _inside(self, item: PhysicsItem, pose: Pose) -> bool:
+        low, high = item.bounds(*pose)
+        size = np.array(self._world.container.size)
+        return bool((low > -_SEATED).all() and (high < size + _SEATED).all())
 
     def _nudge(self, pile: Sequence[Lying]) -> float:
         moved = 0.0
@@ -204,6 +213,9 @@ class DropTest:
             self._bodies.append((lying.item, self._world.add(lying.item, *lying.pose)))
         self._shows = pile
 
+
+_SEATED = 0.001
+"""How far out of the container an item inside may seem to be, m: walls give way by less."""
 
 _EVERY = 4
 """Steps from one look at the items to the next."""
