@@ -150,9 +150,10 @@ class Planner:
         """
         best = _Run(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
-        for _ in range(self.restarts):
+        for k in range(self.restarts):
             late = [left.item for left in last.leftovers if left.reason in _WORTH_A_RESTART]
-            late += last.makeshift
+            # Once: it costs a whole plan.
+            late += last.makeshift if k == 0 else ()
             rest = list((Counter(sequence) - Counter(late)).elements())
             sequence = [*late, *sorted(rest, key=list(sequence).index)]
             if not late or tuple(sequence) in tried:
