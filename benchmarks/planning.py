@@ -169,6 +169,9 @@ def main() -> int:
                         "heuristic": heuristic,
                         "cpu_s_median": statistics.median(seconds for seconds, _ in runs),
                         "packed_share": sum(p.complete for p in packings) / len(packings),
+                        "orders_without_a_graspable_spot": sum(
+                            any(left.reason == "no-graspable-spot" for left in p.leftovers) for p in packings
+                        ),
                         "item_share": sum(len(p.placements) for p in packings) / (size * len(packings)),
                         "utilization": statistics.mean(p.utilization for p in packings),
                         **shares(sum(seconds for seconds, _ in runs), spent),
