@@ -12,23 +12,19 @@ import statistics
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import RowFile, row_key
-from experiments.workers import run_jobs
+from benchmarks.physics_shelf import load_physics_shelf
+from experiments.rows import row_key
+from experiments.runs import finish
 from packenv import __version__
 from packenv.closed_loop import run_closed_loop
 from packenv.config import GridConfig
 from packenv.io.assets import assets_dir
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
-from packenv.io.parts_files import exact_parts
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Packing, Planner, by_box_volume
@@ -92,21 +88,13 @@ class _Worker:
     """What a worker process loads once."""
 
     shelf: Shelf
-    physics: dict[str, PhysicsItem]
+    physics: Mapping[str, PhysicsItem]
 
 
 def prepare(catalogue: str) -> None:
     """Load the catalogue into this process, every item as its envelope."""
-    opened, cache = open_catalogue(catalogue), ItemCache()
-    meshes, physics = {}, {}
-    for name in opened.names:
-        item = opened.item(name)
-        parts = exact_parts(opened, name) or cache.parts(item)
-        meshes[name] = cache.envelope(item, parts)
-        physics[name] = PhysicsItem.of_item(item, parts)
-    prepared = {name: cache.prepare(item, GRID) for name, item in meshes.items()}
-    fields = {name: cache.surface_field(item) for name, item in meshes.items()}
-    _Worker.shelf, _Worker.physics = Shelf(meshes, prepared, fields), physics
+    loaded = load_physics_shelf(catalogue, GRID)
+    _Worker.shelf, _Worker.physics = loaded.plan, loaded.physics
 
 
 def work(job: Job) -> dict[str, Any]:
@@ -239,21 +227,15 @@ def main() -> int:
         )
         for i, order in enumerate(orders)
     ]
-    file = RowFile(arguments.out)
-    missing = [job for job in jobs if job.key not in file]
-    rows = run_jobs(
+    done, failed = finish(
         work,
-        missing,
+        jobs,
+        out=arguments.out,
         workers=arguments.workers,
         timeout=1800,
         prepare=prepare,
         arguments=(arguments.catalogue,),
     )
-    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
-        file.append(row)
-    wanted = {job.key for job in jobs}
-    done = [row for row in file if row["key"] in wanted]
-    failed = [row for row in done if "error" in row]
     document = {"columns": summarize(done), "failed_jobs": failed}
     print(json.dumps(document, indent=1))  # noqa: T201
     return 1 if failed else 0

@@ -8,8 +8,9 @@ from typing import cast
 import numpy as np
 
 from experiments.mujoco_pile import Meeting, MujocoConfig, MujocoPile
+from packenv.geometry.transforms import angle_between
+from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.placing import MotionConfig, PlacementTask
-from packenv.sim.plan_tasks import RELEASE
 from packenv.sim.rest import settle
 from packenv.sim.session import DISPLACED, OUT, Cause, Execution, ItemOutcome, Pose
 from packenv.sim.world import World
@@ -59,7 +60,7 @@ class _Run:
         pile, motion = self._pile, self._motion
         before = [pile.pose(j) for j in pile.items]
         k = len(before)
-        released = task.position + np.array([0.0, 0.0, RELEASE])
+        released = task.position + np.array([0.0, 0.0, RELEASE_HEIGHT])
         met = max(pile.release(task.rotation, released), key=lambda m: m.depth, default=None)
         collided = met is not None and met.depth > motion.tolerance
         start = pile.time
@@ -72,7 +73,6 @@ class _Run:
             at_rest = settle(cast(World, pile), motion.settle, motion.rest).at_rest
         now = pile.pose(k)
         away = _com(task, now) - _com(task, (task.rotation, task.position))
-        cosine = (np.trace(now[0].T @ task.rotation) - 1.0) / 2.0
         moved = (
             j for j, pose in enumerate(before) if _travel(self._tasks[j], pose, pile.pose(j)) > DISPLACED
         )
@@ -81,9 +81,9 @@ class _Run:
                 item=task.item.name,
                 planned=(task.rotation, task.position),
                 measured=now,
-                drop_m=RELEASE - float(away[2]),
+                drop_m=RELEASE_HEIGHT - float(away[2]),
                 shift_m=float(np.hypot(away[0], away[1])),
-                turned_rad=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+                turned_rad=angle_between(now[0], task.rotation),
                 settle_s=pile.time - start,
                 at_rest=at_rest,
                 deepest_m=None if met is None else met.depth,

@@ -63,3 +63,9 @@ def quaternion_to_rotation(quaternion: FloatArray) -> FloatArray:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def angle_between(a: FloatArray, b: FloatArray) -> float:
+    """Angle of the rotation that leads from one (3, 3) rotation to another, rad."""
+    cosine = (float(np.trace(a.T @ b)) - 1.0) / 2.0
+    return math.acos(min(1.0, max(-1.0, cosine)))

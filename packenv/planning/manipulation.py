@@ -36,7 +36,7 @@ from packenv.planning import cup_kernels
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.grasps import Grasp
 from packenv.robot import gripper
-from packenv.robot.cell import RIM_CLEARANCE, WAYPOINT_STEP, Cell
+from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, WAYPOINT_STEP, Cell
 from packenv.robot.shapes import link_capsules
 from packenv.robot.tx90 import continuous_branches, limit_margin
 from packenv.types import FloatArray, OrientedItem
@@ -62,8 +62,6 @@ REASONS: Final[tuple[Reason, ...]] = (
 )
 """Why a candidate is not feasible, in the sequence of the tests."""
 
-RELEASE_HEIGHT: Final = 0.01
-"""How far above the placement the cup lets go, m (paper Sec. V)."""
 TOLERANCE: Final = cup_kernels.TOUCH_TOLERANCE
 """Less than this is rounding of a pose, m."""
 

@@ -15,6 +15,7 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.scores import Heuristic
+from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
@@ -124,7 +125,7 @@ class Planner:
     seed: int = 0
     tiers: Sequence[Tier] = (Tier(),)
     passes: Sequence[Sequence[Tier]] | None = None
-    play: float = 0.01
+    play: float = RELEASE_HEIGHT
 
     def pack(
         self,

@@ -21,6 +21,8 @@ NEAR_EDGE: Final = 0.30
 """From joint 1's axis to the inner face of the container's near wall, m."""
 RIM_CLEARANCE: Final = 0.01
 """What links, gripper and held item keep above the rim before they go over the container, m."""
+RELEASE_HEIGHT: Final = 0.01
+"""How far above its place an item is let go, m (paper Sec. V)."""
 WAYPOINT_STEP: Final = 0.02
 """Default distance of waypoints on a straight path, m."""
 

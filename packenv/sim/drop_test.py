@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from packenv.geometry.transforms import yaw_rotation
+from packenv.geometry.transforms import angle_between, yaw_rotation
+from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.rest import RestRule, RestWatch
 from packenv.sim.session import Pose
@@ -53,7 +54,7 @@ class Release:
         yaw: about the vertical through its centre of mass, rad.
     """
 
-    height: float = 0.01
+    height: float = RELEASE_HEIGHT
     offset: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
 
@@ -148,7 +149,7 @@ class DropTest:
             after,
             float(np.hypot(*(landed - release)[:2])),
             float(com[2] - landed[2]),
-            _angle(start[0], now[0]),
+            angle_between(start[0], now[0]),
             seconds,
         )
 
@@ -171,7 +172,7 @@ class DropTest:
                 reason = "shifts"
             elif com[2] < height - rule.sink:
                 reason = "sinks"
-            elif not item.radius and _angle(start[0], now[0]) > rule.turn:
+            elif not item.radius and angle_between(start[0], now[0]) > rule.turn:
                 reason = "turns"
             elif self._nudge(pile) > rule.nudge:
                 reason = "nudges-pile"
@@ -219,8 +220,3 @@ _SEATED = 0.001
 
 _EVERY = 4
 """Steps from one look at the items to the next."""
-
-
-def _angle(a: FloatArray, b: FloatArray) -> float:
-    cosine = (float(np.trace(a.T @ b)) - 1.0) / 2.0
-    return math.acos(min(1.0, max(-1.0, cosine)))

@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from packenv.errors import PlanError
-from packenv.robot.cell import RIM_CLEARANCE, Cell
+from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.placing import PlacementTask
 from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.types import Container, Placement
-
-RELEASE = 0.01
-"""Height above its place at which an item without a planned path is released, m (paper Sec. V-C)."""
 
 
 def task_of(placement: Placement, item: PhysicsItem, container: Container) -> PlacementTask:
@@ -29,8 +26,8 @@ def task_of(placement: Placement, item: PhysicsItem, container: Container) -> Pl
     """
     stated = placement.details.get("manipulation")
     if not isinstance(stated, Mapping):
-        lift = max(container.height + RIM_CLEARANCE - float(placement.corner[2]), RELEASE)
-        heights = np.array([lift, RELEASE, 0.0])
+        lift = max(container.height + RIM_CLEARANCE - float(placement.corner[2]), RELEASE_HEIGHT)
+        heights = np.array([lift, RELEASE_HEIGHT, 0.0])
         return PlacementTask(item, placement.rotation, placement.position, None, heights)
     try:
         joints = np.asarray(stated["joints"], dtype=np.float64).reshape(-1, 6)

@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from packenv.geometry.transforms import angle_between
 from packenv.robot.cell import Cell
 from packenv.sim.placing import MotionConfig, Placed, PlacementTask, place
 from packenv.sim.robot_model import RobotModel
@@ -186,7 +187,6 @@ class Session:
         planned = (task.rotation, task.position)
         away = self._com(k, now) - self._com(k, planned)
         drop = self._com(k, placed.released) - self._com(k, now)
-        cosine = (np.trace(now[0].T @ task.rotation) - 1.0) / 2.0
         deepest = placed.deepest
         return ItemOutcome(
             item=task.item.name,
@@ -194,7 +194,7 @@ class Session:
             measured=now,
             drop_m=float(drop[2]),
             shift_m=float(np.hypot(away[0], away[1])),
-            turned_rad=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+            turned_rad=angle_between(now[0], task.rotation),
             settle_s=placed.settled.seconds,
             at_rest=placed.settled.at_rest,
             deepest_m=None if deepest is None else deepest.depth,

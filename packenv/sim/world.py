@@ -170,16 +170,13 @@ class World:
         self.move(body, rotation, position)
         return int(body)
 
-    def move(
-        self, body: int, rotation: FloatArray, position: FloatArray, velocity: FloatArray | None = None
-    ) -> None:
-        """Put a body at a pose of its mesh frame, with a velocity (m/s), not turning."""
+    def move(self, body: int, rotation: FloatArray, position: FloatArray) -> None:
+        """Put a body at a pose of its mesh frame, at rest."""
         turned, at = self._items[body].body_pose(rotation, position)
         p, c = pybullet, self._client
         quaternion = rotation_to_quaternion(turned).tolist()
         p.resetBasePositionAndOrientation(body, (at * SCALE).tolist(), quaternion, physicsClientId=c)
-        linear = np.zeros(3) if velocity is None else velocity * SCALE
-        p.resetBaseVelocity(body, linear.tolist(), [0.0, 0.0, 0.0], physicsClientId=c)
+        p.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=c)
 
     def remove(self, body: int) -> None:
         """Take an item out."""
