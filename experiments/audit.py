@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import row_key
 from experiments.runs import finish, load_items, order_options
 from packenv import __version__
 from packenv.audit import audit_plan, misstated_boxes
@@ -26,6 +25,7 @@ from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import read_plan, write_plan
+from packenv.io.rows import row_key
 from packenv.planning.packer import by_box_volume, pack
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container, OrderLine

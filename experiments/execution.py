@@ -19,12 +19,12 @@ from typing import Any
 
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import load_physics_shelf
-from experiments.rows import row_key
 from experiments.runs import finish
 from packenv import __version__
 from packenv.closed_loop import run_closed_loop
 from packenv.config import GridConfig
 from packenv.io.assets import assets_dir
+from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Packing, Planner, by_box_volume

@@ -17,9 +17,9 @@ from typing import Any
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
 from experiments.execution import BOX, COLUMNS, CONFIG, GRID
-from experiments.rows import row_key
 from experiments.runs import finish
 from packenv import __version__
+from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
 from packenv.planning.packer import by_box_volume
 from packenv.sim.placing import PlacementTask

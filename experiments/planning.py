@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.orders import fitting, random_orders
-from experiments.rows import row_key
 from experiments.runs import finish, load_items, order_options
 from packenv import __version__
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.item_cache import ItemCache
+from packenv.io.rows import row_key
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.orientations import perturbations
 from packenv.planning.packer import Packing, by_box_volume

@@ -9,12 +9,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from experiments.rows import RowFile
-from experiments.workers import run_jobs
+from agents.workers import run_jobs
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import open_catalogue
 from packenv.io.item_cache import ItemCache
+from packenv.io.rows import RowFile
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Item
 

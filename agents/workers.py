@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import as_completed
 from typing import Any
 
-from pebble import ProcessPool
+from packenv.errors import InputError
 
 
 def run_jobs(
@@ -29,6 +29,9 @@ def run_jobs(
         arguments: what ``prepare`` is called with.
 
     A failed job yields ``{"key": ..., "error": ...}``: a row, not a gap.
+
+    Raises:
+        InputError: worker processes were asked for and pebble is not installed.
     """
     if workers == 0:
         prepare(*arguments)
@@ -38,6 +41,10 @@ def run_jobs(
             except Exception as problem:
                 yield _failure(job, problem)
         return
+    try:
+        from pebble import ProcessPool
+    except ModuleNotFoundError:
+        raise InputError(f"{workers} worker processes need pebble: pip install pebble") from None
     with ProcessPool(max_workers=workers, initializer=prepare, initargs=arguments) as pool:
         running = {pool.schedule(work, args=[job], timeout=timeout): job for job in jobs}
         try:

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from packenv.errors import InputError
+
 
 def row_key(*parts: object) -> str:
     """Hash of all that a row depends on, by their representations."""
@@ -19,15 +21,23 @@ class RowFile:
     """A JSONL file of rows with a ``key`` each. One process writes it; a killed one loses no finished row."""
 
     def __init__(self, path: Path) -> None:
-        """Open for appending; a last line without its end, left by a killed process, is cut off."""
+        """Open for appending; a last line without its end, left by a killed process, is cut off.
+
+        Raises:
+            InputError: the file holds something else than rows; it is left as it is.
+        """
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         content = path.read_bytes() if path.exists() else b""
         whole = content[: content.rfind(b"\n") + 1]
-        if len(whole) != len(content):
+        torn = content[len(whole) :]
+        self._keys = {_key(line, k, path) for k, line in enumerate(whole.split(b"\n")[:-1], start=1)}
+        if torn:
+            # Rows are objects: what begins otherwise is no torn row but a file of somebody else's.
+            if not torn.startswith(b"{"):
+                raise _foreign(path, whole.count(b"\n") + 1)
             with path.open("r+b") as stream:
                 stream.truncate(len(whole))
-        self._keys = {row["key"] for row in self}
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """Every finished row, in the order of writing."""
@@ -47,3 +57,14 @@ class RowFile:
             stream.flush()
             os.fsync(stream.fileno())
         self._keys.add(row["key"])
+
+
+def _key(line: bytes, number: int, path: Path) -> str:
+    try:
+        return str(json.loads(line)["key"])
+    except (ValueError, TypeError, KeyError):
+        raise _foreign(path, number) from None
+
+
+def _foreign(path: Path, number: int) -> InputError:
+    return InputError(f"{path}, line {number}: is no row of results, give a file of rows or a new name")

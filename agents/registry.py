@@ -1,0 +1,68 @@
+"""Agents by name."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+from types import MappingProxyType
+from typing import cast
+
+from agents.protocol import Agent
+from packenv.errors import InputError
+
+_CLASSES = MappingProxyType(
+    {
+        "hm": ("agents.heuristics", "HM"),
+        "dblf": ("agents.heuristics", "DBLF"),
+        "mta": ("agents.heuristics", "MTA"),
+        "minz": ("agents.heuristics", "MinZ"),
+        "first-fit": ("agents.heuristics", "FirstFit"),
+        "random": ("agents.heuristics", "Random"),
+        "planner": ("agents.planner", "PlannerAgent"),
+        "learned": ("agents.learned", "LearnedAgent"),
+    }
+)
+
+NAMES = tuple(_CLASSES)
+"""Every agent's name on the command line."""
+
+
+def check_name(name: str) -> None:
+    """Refuse an unknown agent.
+
+    Raises:
+        InputError: there is no such agent; the message names the closest one.
+    """
+    if name not in _CLASSES:
+        raise InputError(f"agent {name!r} is not known{_hint(name)}")
+
+
+def make(name: str, **options: object) -> Agent:
+    """Make an agent; the module of its class, and with it torch, is loaded only now.
+
+    Args:
+        name: one of :data:`NAMES`.
+        options: what the agent's class takes: ``heuristic`` and ``max_checked`` of ``planner``, ``weights``
+            (a folder) and ``trust`` of ``learned``.
+
+    Raises:
+        InputError: an unknown agent or option, an option that is missing, or one with a wrong value.
+    """
+    check_name(name)
+    module, class_name = _CLASSES[name]
+    found = getattr(importlib.import_module(module), class_name)
+    known = inspect.signature(found).parameters
+    for option in options:
+        if option not in known:
+            has = f"it takes {', '.join(known)}" if known else "it takes none"
+            raise InputError(f"agent {name}: option {option!r} is not known, {has}")
+    for option, parameter in known.items():
+        if parameter.default is parameter.empty and option not in options:
+            raise InputError(f"agent {name}: option {option!r} is missing")
+    return cast(Agent, found(**options))
+
+
+def _hint(name: str) -> str:
+    close = difflib.get_close_matches(name.lower(), NAMES, n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else f", give one of {', '.join(NAMES)}"
