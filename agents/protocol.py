@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from packenv.types import IntArray
 
 Observation: TypeAlias = Mapping[str, NDArray[Any]]
-"""The ``Dict`` observation of ``RobotPack-v0``, or one of a vector environment with n in front of every shape."""
+"""The ``Dict`` observation of ``RobotPack-v0``, or of a vector environment: n in front of each shape."""
 
 
 class Agent(Protocol):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import as_completed
+from concurrent.futures import Future, as_completed
 from typing import Any
 
 from packenv.errors import InputError
@@ -17,6 +18,7 @@ def run_jobs(
     timeout: float,
     prepare: Callable[..., None],
     arguments: tuple[Any, ...],
+    start: str | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Yield the row of each job as it is finished, in any order.
 
@@ -27,6 +29,8 @@ def run_jobs(
         timeout: seconds after which a job is given up.
         prepare: called once in each process before its first job.
         arguments: what ``prepare`` is called with.
+        start: how processes start, as :mod:`multiprocessing` names it: ``spawn`` where this one may hold
+            threads, which a fork does not survive. None takes the system's way.
 
     A failed job yields ``{"key": ..., "error": ...}``: a row, not a gap.
 
@@ -45,17 +49,20 @@ def run_jobs(
         from pebble import ProcessPool
     except ModuleNotFoundError:
         raise InputError(f"{workers} worker processes need pebble: pip install pebble") from None
-    with ProcessPool(max_workers=workers, initializer=prepare, initargs=arguments) as pool:
-        running = {pool.schedule(work, args=[job], timeout=timeout): job for job in jobs}
+    context = multiprocessing.get_context(start)
+    with ProcessPool(workers, initializer=prepare, initargs=arguments, context=context) as pool:
+        running: dict[Future[dict[str, Any]], Any] = {
+            pool.schedule(work, args=[job], timeout=timeout): job for job in jobs
+        }
         try:
             for future in as_completed(running):
-                problem = future.exception()
-                if problem is None:
+                cause = future.exception()
+                if cause is None:
                     yield future.result()
                 else:
-                    yield _failure(running[future], problem)
+                    yield _failure(running[future], cause)
         finally:
-            pool.stop()
+            pool.stop()  # type: ignore[no-untyped-call]
 
 
 def _failure(job: Any, problem: BaseException) -> dict[str, Any]:
