@@ -75,8 +75,8 @@ class PackConfig:
         candidates: K: rows of candidates in the observation.
         map_step: heightmap cells along one side of an observed pixel.
         max_items: rows of items in the observation.
-        mask: what a valid candidate is: ``legal``: free of overlap and inside; ``stable``: also the whole pile
-            stands with it; ``robot``: also the robot can bring it there.
+        mask: what a valid candidate is: ``legal``: free of overlap and inside; ``stable``: also the whole
+            pile stands with it; ``robot``: also the robot can bring it there.
         stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity.
         contacts: ``surface`` or ``paper``, as for :class:`packenv.planning.assembly.PlannerChoice`.
         grasp: ``seal``, ``flat`` or ``paper``, likewise.

@@ -36,7 +36,11 @@ def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
 
 
 def perturbations(
-    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
+    item: Item,
+    poses: Sequence[StablePose],
+    grid: GridConfig,
+    size: tuple[float, float, float],
+    memory: OrientationMemory | None = None,
 ) -> Iterator[tuple[OrientedItem, ...]]:
     """Yield, for each roll and pitch offset of Alg. 4, the item at all poses and yaws, maps included.
 
@@ -51,8 +55,10 @@ def perturbations(
         grid: yaws and cell size.
         size: of the container, m: an orientation whose bounding box does not fit it gets no maps and is left
             out, but its offset is still yielded.
+        memory: where maps are kept; that of the process where None.
     """
-    kept = RECENT.of(item)
+    memory = memory or RECENT
+    kept = memory.of(item)
     recipe = (grid.n_yaws, *(pose.rotation.tobytes() for pose in poses))
     groups = kept.turns.get(recipe)
     if groups is None:
@@ -60,7 +66,7 @@ def perturbations(
     largest = np.add(size, 1e-9)
     for group in groups:
         fitting = [turn for turn in group if not np.any(turn.extents > largest)]
-        yield tuple(RECENT.orient(item, turn, grid.cell_size) for turn in fitting)
+        yield tuple(memory.orient(item, turn, grid.cell_size) for turn in fitting)
 
 
 @dataclass(frozen=True, eq=False)

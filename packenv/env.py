@@ -1,0 +1,241 @@
+"""``RobotPack-v0``: the Gymnasium environment. Wiring only; docs/environment.md is its specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, SupportsInt, cast
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from packenv.config import PackConfig
+from packenv.episode import Episode, Rules
+from packenv.errors import InputError
+from packenv.io.catalogues import open_catalogue
+from packenv.io.shelves import ItemShelf
+from packenv.observation import Observation, Observer
+from packenv.order_generators import DEFAULT_SPEC, GeneratedOrder, OrderGenerator, from_spec
+from packenv.piles import Landing
+from packenv.reward import Outcome, RewardFn, make_reward
+from packenv.types import Container, Plan
+
+
+class PackEnv(gymnasium.Env[Observation, Any]):
+    """Pack an order of real, non-convex items into a container, one item at a time."""
+
+    metadata = {  # noqa: RUF012
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": 4,
+    }
+
+    def __init__(
+        self,
+        config: PackConfig | Mapping[str, Any] | None = None,
+        *,
+        order_generator: OrderGenerator | Mapping[str, Any] | None = None,
+        reward_fn: RewardFn | Mapping[str, float] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """Open the catalogue; items are loaded when an order asks for them.
+
+        Args:
+            config: settings, or a mapping of those that differ from the defaults.
+            order_generator: what makes the orders, or its specification; 10 random items where None.
+            reward_fn: weights of the reward's terms, or a function that makes terms of its own.
+            render_mode: ``human``, ``rgb_array`` or None.
+
+        Raises:
+            InputError: a setting is wrong, or the catalogue cannot be used.
+        """
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise InputError(f"render_mode is {render_mode!r:.60}, give 'human', 'rgb_array' or None")
+        self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
+        self.render_mode = render_mode
+        self._choices = (order_generator, reward_fn)
+        self._reward = make_reward(reward_fn)
+        self._observer = Observer(self.config)
+        self.observation_space = cast("spaces.Space[Observation]", self._observer.space)
+        self.action_space = spaces.Discrete(self.config.candidates + 1)
+        catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit)
+        # Physics knows convex parts alone, so planning must know them too.
+        self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
+        if order_generator is None or isinstance(order_generator, Mapping):
+            order_generator = from_spec(order_generator or DEFAULT_SPEC, catalogue)
+        self._generator = order_generator
+        self._rules = Rules(self.config, self._shelf)
+        self._episode: Episode | None = None
+        self._drawn: tuple[GeneratedOrder, Container] | None = None
+        self._actions: list[int] = []
+        self._invalid_on_end = 0
+        self._left_over_told = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Draw an order and a container, and offer the first item.
+
+        Args:
+            seed: of all chance.
+            options: ``order``: item names of this episode's order in place of a drawn one; ``container``: its
+                inner (length, width, height), m.
+
+        Raises:
+            InputError: the order or the container cannot be used.
+        """
+        super().reset(seed=seed)
+        options = options or {}
+        which = int(self.np_random.integers(len(self.config.containers)))
+        order = (
+            GeneratedOrder(tuple(options["order"]))
+            if options.get("order") is not None
+            else self._generator.generate(self.np_random)
+        )
+        container = order.container or Container(*self.config.containers[which])
+        if options.get("container") is not None:
+            container = Container(*options["container"])
+        self._begin(order, container)
+        return self._observation(), self._info(False, Landing(), self._outcome(False, 0, None))
+
+    def step(self, action: SupportsInt) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Place the current item at a candidate, or defer it.
+
+        Args:
+            action: k < K: the candidate of row k; K: defer.
+        """
+        episode = self._running()
+        chosen = int(action)
+        self._actions.append(chosen)
+        mask = episode.mask()
+        valid = 0 <= chosen < len(mask) and bool(mask[chosen])
+        self._invalid_on_end = 0 if valid else self._invalid_on_end + 1
+        landing, outside = Landing(), episode.outside
+        placed = 0
+        if valid and not episode.ended:
+            if chosen == self.config.candidates:
+                episode.defer()
+            else:
+                landing, placed = episode.place(chosen), 1
+        outcome = self._outcome(not valid, placed, outside)
+        info = self._info(not valid, landing, outcome)
+        reward = float(sum(info[key] for key in info if key.startswith("reward_")))
+        truncated = not episode.ended and self._invalid_on_end >= self.config.max_invalid
+        return self._observation(), reward, episode.ended, truncated, info
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """(K + 1,) which actions are valid, for MaskablePPO."""
+        return self._running().mask().astype(np.bool_)
+
+    def plan(self) -> Plan:
+        """What has been packed so far as a plan that can be written, viewed, verified and executed.
+
+        Its poses are the planned ones, with physics too. Scores are those of the first heuristic column.
+        """
+        from packenv.episode_plan import episode_plan
+
+        return episode_plan(self._running())
+
+    def close(self) -> None:
+        """Free what the episode holds; twice is fine."""
+        if self._episode is not None:
+            self._episode.close()
+            self._episode = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Settings, chance, and the episode as its order and its actions so far."""
+        return {
+            "choices": (self.config, *self._choices, self.render_mode),
+            "spec": self.spec,
+            "random": (self._np_random, self._np_random_seed),
+            "drawn": self._drawn if self._episode is not None else None,
+            "actions": list(self._actions),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment again, and play the episode up to where it was."""
+        config, order_generator, reward_fn, render_mode = state["choices"]
+        PackEnv.__init__(
+            self, config, order_generator=order_generator, reward_fn=reward_fn, render_mode=render_mode
+        )
+        self.spec = state["spec"]
+        if state["drawn"] is not None:
+            self._begin(*state["drawn"])
+            for action in state["actions"]:
+                self.step(action)
+        self._np_random, self._np_random_seed = state["random"]
+
+    def _running(self) -> Episode:
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("call reset() first: there is no episode")
+        return self._episode
+
+    def _begin(self, order: GeneratedOrder, container: Container) -> None:
+        """Start an episode."""
+        self.close()
+        fits = all(a <= b + 1e-9 for a, b in zip(container.size, self._observer.largest, strict=True))
+        if not fits:
+            raise InputError(
+                f"the order's container {container.label} is larger than those of the configuration "
+                f"({'x'.join(f'{s:g}' for s in self._observer.largest)}): name its size in containers"
+            )
+        self._shelf.bring(order.meshes)
+        for name in order.items:
+            if name not in self._shelf:
+                raise InputError(
+                    f"the order asks for {name!r:.80}, which {self.config.catalogue} does not have"
+                )
+        self._drawn = (order, container)
+        self._actions, self._invalid_on_end, self._left_over_told = [], 0, 0
+        self._episode = Episode(self.config, self._rules, container, order.items)
+
+    def _observation(self) -> Observation:
+        episode = self._running()
+        return self._observer.observe(episode.view(), episode.mask())
+
+    def _outcome(self, invalid: bool, placed: int, before: frozenset[int] | None) -> Outcome:
+        """What came of an action; ``before`` tells what was outside before it, None before any action."""
+        episode = self._running()
+        turns, container = episode.turns, episode.container
+        gone = 0 if before is None else len(turns.left_over) - self._left_over_told
+        self._left_over_told += gone
+        before = before or frozenset()
+
+        def volume(indices: frozenset[int]) -> float:
+            names = (episode.placements[k].item for k in indices)
+            return sum(self._shelf.item(name).volume for name in names) / container.volume
+
+        newest = frozenset(range(len(episode.placements) - placed, len(episode.placements)))
+        return Outcome(
+            invalid=invalid,
+            placed=placed,
+            placed_volume=volume(newest),
+            outside=len(episode.outside) - len(before),
+            outside_volume=volume(episode.outside - before) - volume(before - episode.outside),
+            collided=episode.collided,
+            left_over=gone,
+            ended=episode.ended,
+            complete=len(episode.inside) == len(episode.names) and not episode.collided,
+            pieces=len(episode.names),
+        )
+
+    def _info(self, invalid: bool, landing: Landing, outcome: Outcome) -> dict[str, Any]:
+        episode = self._running()
+        turns = episode.turns
+        current = turns.current
+        return {
+            "action_mask": episode.mask(),
+            "invalid_action": invalid,
+            "utilization": episode.utilization,
+            "packed_items": len(episode.inside),
+            "items_left": turns.waiting,
+            "item": None if current is None else current.item,
+            "container": episode.container.label,
+            "stage": turns.stage,
+            "drop": landing.drop,
+            "shift": landing.shift,
+            "collision": episode.collided,
+            "outside": [episode.placements[k].item for k in sorted(episode.outside)],
+            "left_over": [piece.item for piece in turns.left_over],
+            **{f"reward_{name}": float(term) for name, term in self._reward(outcome).items()},
+        }

@@ -1,0 +1,254 @@
+"""One order on its way into one container: turns, candidates, placements."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from packenv.candidate_set import CandidateSet, choose
+from packenv.config import PackConfig
+from packenv.geometry.prepare import PreparedItem
+from packenv.io.shelves import ItemShelf
+from packenv.observation import HEURISTIC_COLUMNS, ItemView, View
+from packenv.piles import Arrangement, Landing, PlannedArrangement
+from packenv.planning.assembly import margin_rule
+from packenv.planning.constraints import Constraint
+from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.manipulation_constraint import ManipulationConstraint
+from packenv.planning.orientations import OrientationMemory, perturbations
+from packenv.planning.packer import by_box_volume
+from packenv.planning.stability import StabilityChecker
+from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.robot.cell import Cell
+from packenv.stage import Piece, Turns, pieces_of
+from packenv.types import Container, Leftover, OrientedItem, Placement
+
+MAPS_MEMORY = 48 * 2**20
+"""Bytes of perturbed heightmaps that an environment keeps."""
+
+_ROUTES = ("first-pass", "later", "5d")
+
+
+class Rules:
+    """The constraints of a mask level, and what they remember of items from one episode to the next."""
+
+    def __init__(self, config: PackConfig, shelf: ItemShelf) -> None:
+        """Keep what is needed."""
+        self.config, self.shelf = config, shelf
+        self._manipulation: dict[tuple[float, float, float], ManipulationConstraint] = {}
+        self._memory = OrientationMemory(MAPS_MEMORY)
+
+    def constraints(self, names: Iterable[str], container: Container) -> tuple[Constraint, ...]:
+        """Those of an order's items in a container."""
+        config, shelf = self.config, self.shelf
+        found: list[Constraint] = []
+        if config.mask != "legal":
+            masses = {name: shelf.shape(name).mass for name in names}
+            rule = margin_rule(config.stability)
+            found.append(StabilityConstraint(shelf.fields, masses, StabilityChecker(), rule, config.contacts))
+        if config.mask == "robot":
+            known = self._manipulation.get(container.size)
+            if known is None:
+                checker = ManipulationChecker(Cell.beside(container))
+                known = self._manipulation[container.size] = ManipulationConstraint(checker, config.grasp)
+            found.append(known)
+        return tuple(found)
+
+    def groups(self, name: str, container: Container) -> Iterator[Sequence[OrientedItem]]:
+        """Orientations of an item that is back: the stable poses, then perturbed ones (Alg. 4).
+
+        Under legality alone the stable poses are all, as in the planner: heights only grow, so what fitted
+        nowhere fits nowhere later.
+        """
+        item = self.shelf.prepared(name)
+        if self.config.mask == "legal":
+            return iter((item.orientations,))
+        shape, grid = self.shelf.shape(name), self.config.grid
+        return perturbations(shape, item.poses, grid, container.size, self._memory)
+
+
+class Episode:
+    """The state of an episode. It knows nothing of spaces, rewards and agents."""
+
+    def __init__(self, config: PackConfig, rules: Rules, container: Container, names: Sequence[str]) -> None:
+        """Begin, and offer the first item that has a valid candidate.
+
+        Args:
+            config: settings.
+            rules: of the same settings.
+            container: the box.
+            names: the order's pieces, in its own sequence.
+        """
+        self.config, self.rules, self.shelf, self.container = config, rules, rules.shelf, container
+        self.names = tuple(names)
+        online = config.arrivals == "online"
+        if not online and config.sequence == "volume":
+            names = by_box_volume(names, self.shelf.prepared_items)
+        self.turns = Turns(
+            pieces_of(names), buffer=config.buffer if online else None, fallback=config.fallback
+        )
+        self.constraints = rules.constraints(dict.fromkeys(names), container)
+        self.arrangement = self._arrangement()
+        self.placements: list[Placement] = []
+        self.outside: frozenset[int] = frozenset()
+        self.collided = False
+        self.offered: CandidateSet | None = None
+        self._groups: Iterator[Sequence[OrientedItem]] = iter(())
+        self._groups_of: Piece | None = None
+        self._advance()
+
+    def _arrangement(self) -> Arrangement:
+        config = self.config
+        if not config.physics:
+            return PlannedArrangement(self.container, config.grid.cell_size, self.constraints)
+        from packenv.physical_pile import PhysicalArrangement
+
+        return PhysicalArrangement(
+            self.container, config.grid.cell_size, self.constraints, self.shelf, robot=config.mask == "robot"
+        )
+
+    @property
+    def ended(self) -> bool:
+        """True where nothing is left to do."""
+        return self.offered is None
+
+    @property
+    def current(self) -> PreparedItem | None:
+        """The item whose turn it is."""
+        piece = self.turns.current
+        return None if piece is None else self.shelf.prepared(piece.item)
+
+    @property
+    def perturbed(self) -> bool:
+        """Whether the offered candidates are of perturbed orientations."""
+        return self.config.arrivals == "offline" and self.turns.stage == 2
+
+    @property
+    def inside(self) -> list[Placement]:
+        """What is packed: every placed item that does not stick out of the container."""
+        return [p for k, p in enumerate(self.placements) if k not in self.outside]
+
+    @property
+    def utilization(self) -> float:
+        """Volume of what is packed, as a share of the container's."""
+        volume = sum(self.shelf.item(p.item).volume for p in self.inside)
+        return volume / self.container.volume
+
+    def place(self, row: int) -> Landing:
+        """Place the current item at the candidate of a row of the offered set, which must be valid."""
+        offered, piece = self.offered, self.turns.current
+        assert offered is not None
+        assert piece is not None
+        index = int(offered.chosen[row])
+        trial = offered.asker.trial(index)
+        answers = offered.asker.answers
+        verdicts = answers[index].verdicts
+        placement = Placement(
+            item=piece.item,
+            instance=piece.instance,
+            rotation=trial.oriented.rotation,
+            position=trial.position,
+            corner=trial.corner,
+            extents=trial.oriented.extents,
+            pose_index=trial.oriented.pose_index,
+            yaw=trial.oriented.yaw,
+            score=float(offered.scores[row, 0]),
+            candidates=len(offered.candidates),
+            route=_ROUTES[self.turns.stage],
+            checked=len(answers),
+            rejections=dict(Counter(answer.reason for answer in answers.values() if not answer.ok)),
+            details={c.name: dict(v.details) for c, v in zip(self.constraints, verdicts, strict=True)},
+        )
+        landing = self.arrangement.place(placement, trial, verdicts)
+        self.placements.append(placement)
+        self.turns.placed()
+        self.outside, self.collided = landing.outside, landing.collided
+        if landing.collided or landing.lost:
+            self.turns.abandon()
+        self._advance()
+        return landing
+
+    def defer(self) -> None:
+        """Let the current item wait, or try its next orientations."""
+        self.turns.defer()
+        self._after_deferring()
+        self._advance()
+
+    def close(self) -> None:
+        """Free what the container holds."""
+        self.arrangement.close()
+
+    def leftovers(self) -> tuple[Leftover, ...]:
+        """The pieces that were left over."""
+        return tuple(
+            Leftover(p.item, p.instance, "given-up", f"no candidate of {p.item} was taken")
+            for p in self.turns.left_over
+        )
+
+    def view(self) -> View:
+        """What there is to see."""
+        total = max(len(self.names), 1)
+        return View(
+            container=self.container,
+            heights=self.arrangement.pile.surface.heights,
+            current=self.current,
+            offered=self.offered,
+            items=[self._item_view(piece) for piece in self.turns.seen[: self.config.max_items]],
+            perturbed=self.perturbed,
+            utilization=self.utilization,
+            packed_share=len(self.inside) / total,
+            left_share=self.turns.waiting / total,
+            stage=self.turns.stage,
+        )
+
+    def mask(self) -> NDArray[np.int8]:
+        """(K + 1,) int8, 1 where an action is valid."""
+        mask = np.zeros(self.config.candidates + 1, dtype=np.int8)
+        mask[-1] = 1
+        if self.offered is not None:
+            mask[: len(self.offered.valid)] = self.offered.valid
+        return mask
+
+    def _item_view(self, piece: Piece) -> ItemView:
+        prepared, item = self.shelf.prepared(piece.item), self.shelf.item(piece.item)
+        extents = prepared.orientations[0].extents
+        return ItemView(extents, item.volume, item.mass, self.turns.was_deferred(piece))
+
+    def _after_deferring(self) -> None:
+        if self.turns.left_over and self.config.on_infeasible == "terminate":
+            self.turns.abandon()
+
+    def _advance(self) -> None:
+        """Go on to the next item, or group of orientations, that offers a valid candidate."""
+        self.offered = None
+        while (piece := self.turns.current) is not None:
+            group = self._orientations(piece)
+            if group is None:
+                self.turns.give_up()
+            else:
+                offered = choose(
+                    group,
+                    self.constraints,
+                    self.arrangement.pile,
+                    heuristics=HEURISTIC_COLUMNS,
+                    step=self.config.grid.step_cells,
+                    size=self.config.candidates,
+                    max_checked=self.config.max_checked,
+                )
+                if offered is not None and offered.valid.any():
+                    self.offered = offered
+                    return
+                self.turns.defer()
+            self._after_deferring()
+
+    def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
+        """The next ones to try of a piece; None where there are no more."""
+        if self.config.arrivals == "online" or self.turns.stage == 0:
+            return self.shelf.prepared(piece.item).orientations
+        if piece != self._groups_of:
+            self._groups_of = piece
+            self._groups = iter(self.rules.groups(piece.item, self.container))
+        return next(self._groups, None)

@@ -1,0 +1,72 @@
+"""What happens to an accepted placement: it lies where it was planned, or where physics leaves it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.packer import Pile
+from packenv.types import Container, Placement
+
+
+@dataclass(frozen=True)
+class Landing:
+    """How a placement ended.
+
+    Attributes:
+        drop: how far the item's centre of mass fell from the release, m; 0 where nothing fell.
+        shift: its horizontal distance from where it was planned, m.
+        collided: the robot or the held item met something on the way: the robot has stopped.
+        outside: indices of all placed items that stick out of the container now.
+        lost: one of these lies wholly beside the container.
+    """
+
+    drop: float = 0.0
+    shift: float = 0.0
+    collided: bool = False
+    outside: frozenset[int] = frozenset()
+    lost: bool = False
+
+
+class Arrangement(Protocol):
+    """A container that is being filled."""
+
+    @property
+    def pile(self) -> Pile:
+        """What it holds, for planning."""
+        ...
+
+    def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
+        """Put an item in; ``verdicts`` are what each constraint said of it."""
+        ...
+
+    def close(self) -> None:
+        """Free what it holds; twice is fine."""
+        ...
+
+
+class PlannedArrangement:
+    """Every item lies where it was planned."""
+
+    def __init__(self, container: Container, cell_size: float, constraints: Sequence[Constraint]) -> None:
+        """Begin with an empty container."""
+        self._pile = Pile(
+            ContainerMap.empty(container, cell_size), tuple(constraint.start() for constraint in constraints)
+        )
+
+    @property
+    def pile(self) -> Pile:
+        """What the container holds."""
+        return self._pile
+
+    def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
+        """Put an item where it was planned."""
+        surface = self._pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
+        self._pile = Pile(surface, tuple(verdict.state for verdict in verdicts))
+        return Landing()
+
+    def close(self) -> None:
+        """Nothing to free."""

@@ -1,0 +1,114 @@
+"""What an action is worth: named terms whose sum is the reward."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+from packenv.errors import InputError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one action.
+
+    Attributes:
+        invalid: the action was not valid; nothing changed.
+        placed: pieces that were packed: 1 or 0.
+        placed_volume: of these, as a share of the container's volume.
+        outside: pieces that stick out of the container now and did not before, less those that came back.
+        outside_volume: of these, as a share of the container's volume.
+        collided: the robot or the held item met something: the robot has stopped.
+        left_over: pieces that were given up.
+        ended: the episode has terminated.
+        complete: it has, with every piece packed and none outside.
+        pieces: pieces of the order.
+    """
+
+    invalid: bool
+    placed: int
+    placed_volume: float
+    outside: int
+    outside_volume: float
+    collided: bool
+    left_over: int
+    ended: bool
+    complete: bool
+    pieces: int
+
+
+RewardFn: TypeAlias = Callable[[Outcome], Mapping[str, float]]
+"""The named terms of an outcome, the same names every time."""
+
+WEIGHTS: Final[Mapping[str, float]] = {
+    "packed": 1.0,
+    "utilization": 1.0,
+    "complete": 1.0,
+    "outside": 1.0,
+    "collision": 1.0,
+    "left_over": 0.0,
+    "invalid": 0.1,
+}
+"""Weights of the default terms."""
+
+
+@dataclass(frozen=True)
+class WeightedReward:
+    """The default terms, weighted.
+
+    =============  ============================================================================
+    term           before its weight
+    =============  ============================================================================
+    packed         the share of the order's pieces that was placed now
+    utilization    the share of the container's volume that was placed now
+    complete       1 at the end of an episode in which every piece was packed and stayed inside
+    outside        minus both shares of pieces that now stick out of the container
+    collision      -1 where the robot or the held item met something
+    left_over      minus the share of the order's pieces that was given up now
+    invalid        -1 for an invalid action
+    =============  ============================================================================
+
+    With the default weights the sum over an episode without invalid actions is the share of pieces packed,
+    plus the utilization, plus 1 for a complete order: 0 to 3.
+
+    Attributes:
+        weights: by term.
+    """
+
+    weights: tuple[tuple[str, float], ...] = tuple(WEIGHTS.items())
+
+    def __call__(self, outcome: Outcome) -> dict[str, float]:
+        """The terms of an outcome."""
+        n = max(outcome.pieces, 1)
+        raw = {
+            "packed": outcome.placed / n,
+            "utilization": outcome.placed_volume,
+            "complete": float(outcome.ended and outcome.complete),
+            "outside": -(outcome.outside / n + outcome.outside_volume),
+            "collision": -float(outcome.collided),
+            "left_over": -outcome.left_over / n,
+            "invalid": -float(outcome.invalid),
+        }
+        return {name: weight * raw[name] + 0.0 for name, weight in self.weights}
+
+
+def make_reward(choice: RewardFn | Mapping[str, Any] | None) -> RewardFn:
+    """The reward that a choice names.
+
+    Args:
+        choice: a function of the outcome; or weights by term, what is left out keeping its default; or None.
+
+    Raises:
+        InputError: an unknown term, or a weight that is no number.
+    """
+    if callable(choice):
+        return choice
+    weights = dict(WEIGHTS)
+    for name, weight in (choice or {}).items():
+        if name not in weights:
+            raise InputError(f"reward_fn has no term {name!r:.60}, it has {', '.join(WEIGHTS)}")
+        if not isinstance(weight, (int, float)) or isinstance(weight, bool) or not abs(weight) < 1e6:
+            raise InputError(f"reward_fn: the weight of {name} is {weight!r:.60}, give a finite number")
+        weights[name] = float(weight)
+    return WeightedReward(tuple(weights.items()))
