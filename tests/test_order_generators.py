@@ -290,7 +290,7 @@ def test_the_pieces_of_a_toy_are_exact_boxes_at_a_stable_pose() -> None:
 SLICES = [
     # Coarse steps make few different pieces, which are prepared once.
     ToyOrders((3, 6), container=Container(0.2, 0.2, 0.16), step=0.02),
-    pytest.param(ToyOrders((8, 8)), marks=pytest.mark.slow),
+    pytest.param(ToyOrders((8, 12)), marks=pytest.mark.slow),
 ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -40,6 +41,12 @@ found; the next draw may find some.
 """
 
 
+_ASKEW = tuple((math.cos(yaw), math.sin(yaw)) for yaw in (math.pi / 8, math.pi / 4))
+"""Of 8 yaws; 3 π / 8 is π / 8 with the sides exchanged."""
+
+_TOUCH = 1e-3
+"""Pieces are shaved, so this share of a step more than there is room for may still go in."""
+
 _MOST_BOXES = 300
 """Boxes that one search for slices looks at: a new one finds its way sooner than one that got lost."""
 
@@ -48,9 +55,10 @@ def slices(box: Size, count: int, shortest: int, rng: np.random.Generator) -> tu
     """Cut one slice after another off what is left, so that packing by volume gives them back one by one.
 
     A slice spans what is left of the box in two directions. Its direction and its thickness are drawn
-    among those that keep three promises: (1) it has less volume than the slice before it, so the sequence by
-    volume is that of the cuts; (2) every orientation in which it fits into what is left makes it a slice that
-    leaves the same box, up to a turn; (3) what is left can be cut further. Slices across z lie at the bottom.
+    among those that keep four promises: (1) it has less volume than the slice before it, so the sequence by
+    volume is that of the cuts; (2) every upright orientation in which it fits into what is left makes it a
+    slice that leaves the same box, up to a turn; (3) it fits in at no yaw between right angles, of 4 or 8
+    yaws; (4) what is left can be cut further. Slices across z lie at the bottom.
 
     So whoever places the pieces by volume, each on the floor of the free space and against one of its ends,
     always faces a free space that is one box, open to the top, into which all remaining pieces fit: no
@@ -82,7 +90,10 @@ class _Slicing:
             (axis, thickness)
             for axis in range(3)
             for thickness in range(self.shortest, box[axis] - self.shortest + 1)
-            if _slice_volume(box, axis, thickness) < below and _leaves_one_box(box, axis, thickness)
+            if _slice_volume(box, axis, thickness) < below
+            and _leaves_one_box(box, axis, thickness)
+            # Last, for it takes longest.
+            and not _fits_askew(_with(box, axis, thickness), box)
         ]
         for choice in self.rng.permutation(len(choices)).tolist():
             axis, thickness = choices[choice]
@@ -112,6 +123,17 @@ def _leaves_one_box(box: Size, axis: int, thickness: int) -> bool:
         if len(across) != 1 or sorted(_with(box, across[0], box[across[0]] - size[across[0]])) != left:
             return False
     return True
+
+
+def _fits_askew(size: Size, box: Size) -> bool:
+    """Whether a piece, some side upright, fits into a box at a yaw between two right angles."""
+    for x, y, z in itertools.permutations(size):
+        if z > box[2]:
+            continue
+        for cosine, sine in _ASKEW:
+            if x * cosine + y * sine < box[0] + _TOUCH and x * sine + y * cosine < box[1] + _TOUCH:
+                return True
+    return False
 
 
 def guillotine(box: Size, count: int, shortest: int, rng: np.random.Generator) -> tuple[Piece, ...] | None:
