@@ -142,7 +142,7 @@ class Encoder(nn.Module):
         size, rows = config.embedding, self.normalize.candidate_columns
         self.item = _mlp(self.normalize.item_columns, size, size)
         self.candidate = _mlp(rows + config.patch**2 + size, size, size)
-        self.candidate_size = size + rows
+        self.candidate_size: int = size + rows
         pooled = 6 * size + self.normalize.item_columns + self.normalize.state_columns
         self.context = _mlp(pooled, config.context, config.context)
 
@@ -189,13 +189,12 @@ class Actor(nn.Module):
         self.of_context = nn.Linear(config.context, config.embedding, bias=False)
         self.score = nn.Linear(config.embedding, 1)
         self.direct = nn.Linear(candidate_size, 1, bias=False)
-        self.defer = nn.Sequential(
-            nn.Linear(config.context, config.embedding), nn.ReLU(), nn.Linear(config.embedding, 1)
-        )
-        for last in (self.score, self.direct, self.defer[2]):
+        of_defer = nn.Linear(config.embedding, 1)
+        self.defer = nn.Sequential(nn.Linear(config.context, config.embedding), nn.ReLU(), of_defer)
+        for last in (self.score, self.direct, of_defer):
             nn.init.orthogonal_(last.weight, gain=0.01)
         nn.init.zeros_(self.score.bias)
-        nn.init.zeros_(self.defer[2].bias)
+        nn.init.zeros_(of_defer.bias)
 
     def forward(self, encoding: Encoding) -> Tensor:
         """Logits (b, k + 1), *defer* last."""

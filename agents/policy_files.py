@@ -77,7 +77,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     """
     path = folder / CONFIG_FILE
     try:
-        document = json.loads(path.read_bytes())
+        document: dict[str, Any] = json.loads(path.read_bytes())
     except OSError as problem:
         raise InputError(
             f"{path}: cannot be read ({problem.strerror}), give a folder that python -m train wrote"
@@ -107,8 +107,10 @@ def read_policy(folder: Path) -> PlacementNetwork:
     try:
         stored = document["layout"]
         layout = ObservationLayout(
-            *(tuple(map(str, stored[table])) for table in ("candidates", "items", "state")),
-            float(stored["pixel"]),
+            candidates=tuple(stored["candidates"]),
+            items=tuple(stored["items"]),
+            state=tuple(stored["state"]),
+            pixel=float(stored["pixel"]),
         )
         sizes = NetworkConfig(
             **{field.name: int(document["network"][field.name]) for field in fields(NetworkConfig)}
