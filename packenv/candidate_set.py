@@ -65,13 +65,12 @@ class Asker:
 
     def _ask(self, trial: Trial) -> Answer:
         verdicts: list[Verdict] = []
-        # The last constraint, manipulation, costs the least: asked first, it spares the others.
-        for constraint, state in reversed(self._constraints):
+        for constraint, state in self._constraints:
             verdict = constraint.check(trial, self._pile.surface, state)
             if not verdict.ok:
                 return Answer(False, verdict.reason, ())
             verdicts.append(verdict)
-        return Answer(True, "", tuple(reversed(verdicts)))
+        return Answer(True, "", tuple(verdicts))
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from packenv.planning.equilibrium_kernels import fill_columns
 from packenv.types import BoolArray, Contacts, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -84,10 +85,7 @@ def friction_pyramid(
     Raises:
         ValueError: ``mu`` is negative or not finite, or ``sides`` is below 3.
     """
-    if not (np.isfinite(mu) and mu >= 0.0):
-        raise ValueError(f"friction coefficient {mu:g}: give a finite number, 0 or more")
-    if sides < 3:
-        raise ValueError(f"friction pyramid of {sides} sides: give 3 or more")
+    _check_friction(mu, sides)
     normals = np.asarray(normals, dtype=np.float64).reshape(-1, 3)
     direction = np.asarray(up, dtype=np.float64)
     first, second = tangents(normals, direction / np.linalg.norm(direction))
@@ -293,28 +291,35 @@ def build_equilibrium(
     held = weight.copy()
     held[slot < 0] = np.inf
     units = np.minimum(held[contacts.first], held[contacts.second])
-    edges = friction_pyramid(contacts.normals, mu, sides, up=-pull)
-
-    # Blocks of 6 entries: a column's first body, then its second; held bodies have none.
-    k = len(contacts)
-    centre = np.concatenate([np.zeros((1, 3)), com])
-    entries = np.empty((k, sides, 2, 6))
-    rows = np.empty((k, 1, 2, 6), dtype=np.int32)
-    active = np.empty((k, 1, 2, 1), dtype=bool)
-    for block, (body, sign) in enumerate(((contacts.first, -1.0), (contacts.second, 1.0))):
-        scale = sign * units / weight[body]
-        arm = (contacts.points - centre[body]) / length
-        entries[:, :, block, :3] = edges
-        # Row vectors: (arm × edge)ᵀ = edgeᵀ [arm]×ᵀ.
-        entries[:, :, block, 3:] = edges @ _crossing_transposed(arm)
-        entries[:, :, block] *= scale[:, None, None]
-        rows[:, 0, block] = 6 * slot[body][:, None] + np.arange(6)
-        active[:, 0, block, 0] = slot[body] >= 0
-    present = np.broadcast_to(active, entries.shape)
-    value = entries[present]
-    index = np.broadcast_to(rows, entries.shape)[present]
-    lengths = np.repeat(6 * np.count_nonzero(active, axis=2).ravel(), sides)
-    start = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    _check_friction(mu, sides)
+    up = -pull / g
+    level = np.zeros(3)
+    level[int(np.argmin(np.abs(up)))] = 1.0
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    room = len(contacts) * sides
+    edges = np.empty((len(contacts), sides, 3))
+    start, index = np.empty(room + 1, dtype=np.int32), np.empty(12 * room, dtype=np.int32)
+    value = np.empty(12 * room)
+    entries = fill_columns(
+        contacts.points,
+        contacts.normals,
+        contacts.first,
+        contacts.second,
+        slot,
+        units,
+        weight,
+        np.concatenate([np.zeros((1, 3)), com]),
+        length,
+        mu,
+        up,
+        level,
+        np.column_stack([np.cos(angles), np.sin(angles)]),
+        edges,
+        start,
+        index,
+        value,
+    )
+    index, value = index[:entries], value[:entries]
 
     rhs = np.zeros((len(bodies), 6))
     rhs[:, :3] = -pull / g
@@ -400,13 +405,12 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-def _crossing_transposed(arm: FloatArray) -> FloatArray:
-    """(k, 3, 3) transposes of the matrices of "arm ×"."""
-    out = np.zeros((len(arm), 3, 3))
-    out[:, 0, 1], out[:, 0, 2] = arm[:, 2], -arm[:, 1]
-    out[:, 1, 0], out[:, 1, 2] = -arm[:, 2], arm[:, 0]
-    out[:, 2, 0], out[:, 2, 1] = arm[:, 1], -arm[:, 0]
-    return out
+def _check_friction(mu: float, sides: int) -> None:
+    """Refuse what is no friction pyramid."""
+    if not (np.isfinite(mu) and mu >= 0.0):
+        raise ValueError(f"friction coefficient {mu:g}: give a finite number, 0 or more")
+    if sides < 3:
+        raise ValueError(f"friction pyramid of {sides} sides: give 3 or more")
 
 
 def _check(contacts: Contacts, mass: FloatArray, com: FloatArray, g: float) -> None:

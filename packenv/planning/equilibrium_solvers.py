@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from packenv.planning.equilibrium import Equilibrium, tangents
+from packenv.planning.equilibrium_kernels import least_squares
 from packenv.types import FloatArray, IntArray
 
 Status = Literal["stable", "unstable", "undecided"]
@@ -63,7 +64,7 @@ def _judge(eq: Equilibrium, solver: str, x: FloatArray | None, ray: FloatArray |
 
 
 def solve_nnls(eq: Equilibrium) -> Solution:
-    """Non-negative least squares (Lawson and Hanson): the fastest for a single item.
+    """Non-negative least squares (Lawson and Hanson): the fastest for up to three items.
 
     The residual of the best fit is itself the motion that proves instability.
     """
@@ -73,15 +74,14 @@ def solve_nnls(eq: Equilibrium) -> Solution:
 
 def _fit(eq: Equilibrium) -> Solution:
     """Non-negative least squares alone; undecided where it proves nothing."""
-    from scipy.optimize import nnls
-
     if not eq.n_columns:
         return _judge(eq, "nnls", np.empty(0), eq.rhs)
-    try:
-        x, _ = nnls(eq.dense, eq.rhs)
-    except RuntimeError:  # it ran out of iterations
+    # Every column of a single item is full.
+    columns = eq.value.reshape(-1, 6) if eq.n_rows == 6 else np.ascontiguousarray(eq.dense.T)
+    x, left = np.empty(eq.n_columns), np.empty(eq.n_rows)
+    if not least_squares(columns, eq.rhs, 3 * eq.n_columns, x, left):
         return Solution("undecided", "nnls")
-    return _judge(eq, "nnls", x, eq.rhs - eq.dense @ x)
+    return _judge(eq, "nnls", x, left)
 
 
 def solve_highs(eq: Equilibrium, warm: IntArray | None = None) -> Solution:
