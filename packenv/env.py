@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, SupportsInt, cast
+from typing import TYPE_CHECKING, Any, SupportsInt, cast
 
 import gymnasium
 import numpy as np
@@ -20,6 +20,9 @@ from packenv.order_generators import DEFAULT_SPEC, GeneratedOrder, OrderGenerato
 from packenv.piles import Landing
 from packenv.reward import Outcome, RewardFn, make_reward
 from packenv.types import Container, Plan
+
+if TYPE_CHECKING:
+    from packenv.sim.render import Renderer
 
 
 class PackEnv(gymnasium.Env[Observation, Any]):
@@ -70,6 +73,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._actions: list[int] = []
         self._invalid_on_end = 0
         self._left_over_told = 0
+        self._renderer: Renderer | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -96,6 +100,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         if options.get("container") is not None:
             container = Container(*options["container"])
         self._begin(order, container)
+        if self.render_mode == "human":
+            self.render()
         return self._observation(), self._info(False, Landing(), self._outcome(False, 0, None))
 
     def step(self, action: SupportsInt) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -117,11 +123,38 @@ class PackEnv(gymnasium.Env[Observation, Any]):
                 episode.defer()
             else:
                 landing, placed = episode.place(chosen), 1
+        if self.render_mode == "human":
+            self.render()
         outcome = self._outcome(not valid, placed, outside)
         info = self._info(not valid, landing, outcome)
         reward = float(sum(info[key] for key in info if key.startswith("reward_")))
         truncated = not episode.ended and self._invalid_on_end >= self.config.max_invalid
         return self._observation(), reward, episode.ended, truncated, info
+
+    def render(self) -> Any:
+        """Draw the container, its items and the robot.
+
+        Returns:
+            (480, 480, 3) uint8 in mode ``rgb_array``; None in ``human``, whose window shows the same.
+
+        Raises:
+            InputError: mode ``human`` without a display.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
+            return None
+        from packenv.io.colours import item_colour
+        from packenv.sim.render import Renderer
+
+        if self._renderer is None:
+            self._renderer = Renderer(
+                item_colour, mode="human" if self.render_mode == "human" else "rgb_array"
+            )
+        scene = self._running().scene()
+        if self.render_mode == "rgb_array":
+            return self._renderer.frame(*scene)
+        self._renderer.show(*scene)
+        return None
 
     def action_masks(self) -> NDArray[np.bool_]:
         """(K + 1,) which actions are valid, for MaskablePPO."""
@@ -138,9 +171,10 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
     def close(self) -> None:
         """Free what the episode holds; twice is fine."""
-        if self._episode is not None:
-            self._episode.close()
-            self._episode = None
+        self._end_episode()
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Settings, chance, and the episode as its order and its actions so far."""
@@ -170,9 +204,14 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             raise gymnasium.error.ResetNeeded("call reset() first: there is no episode")
         return self._episode
 
+    def _end_episode(self) -> None:
+        if self._episode is not None:
+            self._episode.close()
+            self._episode = None
+
     def _begin(self, order: GeneratedOrder, container: Container) -> None:
         """Start an episode."""
-        self.close()
+        self._end_episode()
         fits = all(a <= b + 1e-9 for a, b in zip(container.size, self._observer.largest, strict=True))
         if not fits:
             raise InputError(

@@ -24,7 +24,7 @@ from packenv.planning.stability import StabilityChecker
 from packenv.planning.stability_constraint import StabilityConstraint
 from packenv.robot.cell import Cell
 from packenv.stage import Piece, Turns, pieces_of
-from packenv.types import Container, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 
 MAPS_MEMORY = 48 * 2**20
 """Bytes of perturbed heightmaps that an environment keeps."""
@@ -203,6 +203,14 @@ class Episode:
             left_share=self.turns.waiting / total,
             stage=self.turns.stage,
         )
+
+    def scene(self) -> tuple[Container, list[tuple[Item, FloatArray, FloatArray]], FloatArray | None]:
+        """Container, placed items at their poses, and the robot's joints after the last placement."""
+        poses = self.arrangement.poses
+        items = [(self.shelf.item(p.item), *pose) for p, pose in zip(self.placements, poses, strict=True)]
+        stated = self.placements[-1].details.get("manipulation") if self.placements else None
+        joints = np.asarray(stated["joints"][0]) if isinstance(stated, dict) else None
+        return self.container, items, joints
 
     def mask(self) -> NDArray[np.int8]:
         """(K + 1,) int8, 1 where an action is valid."""

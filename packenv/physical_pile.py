@@ -8,7 +8,7 @@ import numpy as np
 
 from packenv.io.assets import assets_dir
 from packenv.io.shelves import ItemShelf
-from packenv.piles import Landing
+from packenv.piles import Landing, Pose
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
@@ -50,6 +50,11 @@ class PhysicalArrangement:
     def pile(self) -> Pile:
         """What the container holds."""
         return self._pile
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """Where the items lie now."""
+        return () if self._session is None else self._session.measured()
 
     @property
     def session(self) -> Session:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.packer import Pile
-from packenv.types import Container, Placement
+from packenv.types import Container, FloatArray, Placement
+
+Pose: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class Arrangement(Protocol):
         """What it holds, for planning."""
         ...
 
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """(3, 3) rotation and (3,) position of every placed item, mesh frame to container frame, m."""
+        ...
+
     def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
         """Put an item in; ``verdicts`` are what each constraint said of it."""
         ...
@@ -56,16 +63,23 @@ class PlannedArrangement:
         self._pile = Pile(
             ContainerMap.empty(container, cell_size), tuple(constraint.start() for constraint in constraints)
         )
+        self._poses: list[Pose] = []
 
     @property
     def pile(self) -> Pile:
         """What the container holds."""
         return self._pile
 
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """Where the items lie."""
+        return tuple(self._poses)
+
     def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
         """Put an item where it was planned."""
         surface = self._pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
         self._pile = Pile(surface, tuple(verdict.state for verdict in verdicts))
+        self._poses.append((placement.rotation, placement.position))
         return Landing()
 
     def close(self) -> None:
