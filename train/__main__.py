@@ -1,6 +1,7 @@
 """``python -m train``: train a placement policy.
 
-Exit codes: 0 done, 2 bad input, 130 stopped (``--resume`` goes on).
+Exit codes: 0 done, 1 an environment's process died, 2 bad input, 130 stopped. After 1 and 130 ``--resume``
+goes on from the last checkpoint.
 """
 
 from __future__ import annotations
@@ -31,6 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except RobotPackError as problem:
         sys.stderr.write(f"train: {problem}\n")
         return 2
+    except (EOFError, ConnectionError):
+        # What SubprocVecEnv raises when the other end of a pipe has gone.
+        again = f"--resume --out {arguments.out} goes on from the last checkpoint"
+        sys.stderr.write(f"train: an environment's process died, for want of memory perhaps; {again}\n")
+        return 1
     except KeyboardInterrupt:
         sys.stderr.write(f"train: stopped; --resume --out {arguments.out} goes on from the last checkpoint\n")
         return 130

@@ -130,3 +130,10 @@ def test_a_trusted_zip_that_is_none_is_one_line(tmp_path):
     path.write_bytes(b"not a zip")
     with pytest.raises(InputError, match="MaskablePPO cannot read it"):
         LearnedAgent(path, trust=True)
+
+
+def test_a_package_that_is_not_installed_is_one_line(policy, monkeypatch):
+    monkeypatch.setitem(sys.modules, "safetensors", None)
+    monkeypatch.delitem(sys.modules, "agents.policy_files")
+    with pytest.raises(InputError, match=r"a learned policy needs the package safetensors: pip install"):
+        LearnedAgent(policy[0])

@@ -23,7 +23,8 @@ from agents.policy_files import read_policy  # noqa: E402
 from packenv.env import PackEnv  # noqa: E402
 from train.__main__ import main  # noqa: E402
 from train.config import TrainConfig  # noqa: E402
-from train.learning import run  # noqa: E402
+from train.environments import training_environments  # noqa: E402
+from train.learning import new_model, run  # noqa: E402
 from train.runs import RunFolder  # noqa: E402
 
 ENV = {
@@ -126,9 +127,6 @@ def test_the_learned_agent_packs(whole_run):
 
 
 def test_a_trusted_zip_acts_as_the_model_that_was_saved(tmp_path):
-    from train.environments import training_environments
-    from train.learning import new_model
-
     envs = training_environments(TrainConfig.from_mapping(SMALL))
     model = new_model(TrainConfig.from_mapping(SMALL), envs)
     model.save(tmp_path / "model.zip")
@@ -173,6 +171,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, options, mes
     assert not (tmp_path / "run").exists()
 
 
+def test_a_package_that_is_not_installed_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    monkeypatch.delitem(sys.modules, "train.learning")
+    assert main(["--out", str(tmp_path / "run")]) == 2
+    assert "training needs the package sb3_contrib: pip install" in capsys.readouterr().err
+
+
 def _start(folder: Path, *options: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "train", "--out", str(folder), *options]
     root = Path(__file__).resolve().parents[2]
@@ -204,6 +209,26 @@ def test_kill_9_costs_nothing_but_time(tmp_path, workers):
     assert RunFolder(killed).rows()[: len(seen)] == seen
     assert without_time(RunFolder(killed).rows()) == without_time(RunFolder(whole).rows())
     assert same_weights(whole, killed)
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_is_one_line(tmp_path, monkeypatch, capsys):
+    made = []
+
+    def remembered(config):
+        made.append(training_environments(config))
+        return made[0]
+
+    def kill_one(row):
+        if "timesteps" in row:
+            made[0].venv.processes[1].kill()
+
+    monkeypatch.setattr("train.learning.training_environments", remembered)
+    monkeypatch.setattr("train.__main__._report", kill_one)
+    config = json.dumps({**SMALL, "timesteps": 10_000, "workers": 2})
+    assert main(["--out", str(tmp_path / "run"), "--config", config]) == 1
+    assert "an environment's process died" in capsys.readouterr().err
+    assert len(RunFolder(tmp_path / "run").rows()) == 1
 
 
 def _lines(folder: Path) -> list[bytes]:
