@@ -9,7 +9,7 @@ from typing import Any
 
 _WIDTH, _HEIGHT = 760, 420
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70, 110, 42, 52
-_COLOURS = {"learned": "#0b62a4", "random": "#9a9a9a", "hm": "#c05020"}
+_COLOURS = {"learned": "#0b62a4", "random": "#777777", "hm": "#c05020"}
 _OTHER = "#557755"
 
 
@@ -91,7 +91,7 @@ def _level(view: _View, name: str, row: Mapping[str, Any]) -> Iterator[str]:
         f'<line x1="{_LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}" stroke="{colour}" stroke-width="1.6" '
         'stroke-dasharray="6 4"/>'
     )
-    yield _text(_LEFT + 8, y - 5, name, colour=colour)
+    yield _text(right - 8, y - 5, name, anchor="end", colour=colour)
 
 
 def _ticks(lowest: float, highest: float) -> Iterator[float]:
