@@ -53,7 +53,7 @@ from packenv.planning.packer import by_box_volume
 from packenv.robot.cell import Cell
 from packenv.sim import placing
 from packenv.sim.drop_test import DropTest, Lying
-from packenv.sim.placing import PlacementTask
+from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.rest import RestWatch
 from packenv.sim.robot_model import RobotModel

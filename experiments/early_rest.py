@@ -44,7 +44,7 @@ from experiments.planned_orders import PlanJob, figures, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.io.assets import assets_dir
 from packenv.robot.cell import Cell
-from packenv.sim.placing import PlacementTask
+from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 

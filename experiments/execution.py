@@ -21,7 +21,7 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import load_physics_shelf
 from experiments.runs import finish
 from packenv import __version__
-from packenv.closed_loop import run_closed_loop
+from packenv.closed_loop import feeling, run_closed_loop
 from packenv.config import GridConfig
 from packenv.io.assets import assets_dir
 from packenv.io.rows import row_key
@@ -132,7 +132,7 @@ def _carry_out(
     cell, urdf = Cell.beside(BOX), assets_dir() / "robot" / "tx90.urdf"
     plans, success = 1, None
     if column.closed:
-        config = CONFIG if disturbance is None else disturbance.config(CONFIG)
+        config = feeling(CONFIG if disturbance is None else disturbance.config(CONFIG))
         shelf = _Worker.shelf
         with Session(cell, config, urdf) as session:
             looped = run_closed_loop(

@@ -10,7 +10,8 @@ import numpy as np
 from experiments.mujoco_pile import Meeting, MujocoConfig, MujocoPile
 from packenv.geometry.transforms import angle_between
 from packenv.robot.cell import RELEASE_HEIGHT
-from packenv.sim.placing import MotionConfig, PlacementTask
+from packenv.sim.descent import PlacementTask
+from packenv.sim.placing import MotionConfig
 from packenv.sim.rest import settle
 from packenv.sim.session import DISPLACED, OUT, Cause, Execution, ItemOutcome, Pose
 from packenv.sim.world import World

@@ -22,7 +22,7 @@ from packenv import __version__
 from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
 from packenv.planning.packer import by_box_volume
-from packenv.sim.placing import PlacementTask
+from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution
 

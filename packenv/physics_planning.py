@@ -21,10 +21,11 @@ from packenv.types import Container, Item, OrientedItem
 
 CAREFUL = (
     Release(offset=(0.003, 0.003), yaw=math.radians(1.5)),
-    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5)),
+    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5), time_step=1.0 / 200.0),
     Release(),
 )
-"""Two drops with errors of the size that a robot makes, and the exact one."""
+"""Two drops with errors of the size that a robot makes, and the exact one. One has a time step of its own: an
+item that stands at one step of the engine alone does not stand."""
 EXACT = (Release(),)
 """One drop, released exactly over its place."""
 
@@ -32,8 +33,8 @@ STRICT = DropRule()
 """The item comes to rest where it was planned."""
 LENIENT = DropRule("lenient", shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
 """The item comes to rest near its place and leaves the others where they are: for those that come last."""
-ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, inside=False, restless=True)
-"""Whatever comes of it."""
+ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, restless=True)
+"""Whatever comes of it, inside the container."""
 
 SLIPPERY = 0.5
 """Most friction that the scratch world has: what needs more to stay is not to be relied on."""
@@ -44,6 +45,11 @@ _EACH_DROPPED = 3
 """Most of them at one orientation."""
 _EACH_WARY = 12
 """Most candidates at one orientation that are checked for a margin."""
+
+_RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, ANYHOW.name: 2.0}
+"""How bad a placement under a rule is."""
+_TIGHT = 5.0
+"""How much worse it is without the clearance that was asked for: a robot that is off by 2 mm collides."""
 
 
 class Scratch:
@@ -92,7 +98,7 @@ class PhysicsConstraint:
             rule: what counts as resting in place.
             releases: how each candidate is dropped; the last one is the one that is planned on.
         """
-        self._items, self._meshes, self._scratch, self._rule = items, meshes, scratch, rule
+        self._items, self._meshes, self._scratch, self.rule = items, meshes, scratch, rule
         self._releases = tuple(releases)
 
     @property
@@ -114,7 +120,7 @@ class PhysicsConstraint:
         item = self._items[trial.oriented.item]
         for how in self._releases:
             dropped = self._scratch.test.drop(
-                state, item, trial.oriented.rotation, trial.position, how, self._rule
+                state, item, trial.oriented.rotation, trial.position, how, self.rule
             )
             if dropped.reason:
                 return Verdict(False, f"physics-{dropped.reason}")
@@ -122,7 +128,7 @@ class PhysicsConstraint:
             "shift_m": round(dropped.shift_m, 6),
             "sink_m": round(dropped.sink_m, 6),
             "turned_deg": round(math.degrees(dropped.turned_rad), 3),
-            "rule": self._rule.name,
+            "rule": self.rule.name,
         }
         # Where it was meant to be and where physics has it: what comes next must clear both.
         meant = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
@@ -165,27 +171,28 @@ def make_planner(
     static = planner.constraints
     cautious = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
     levels = clearances(choice, grid)
-    # Some of the clearance that was asked for is enough; none of it is makeshift.
-    tightest = levels[-2] if len(levels) > 1 else 0
 
     def wary(cells: int) -> Tier:
-        return Tier(cells, (*cautious, strict), each=_EACH_WARY, makeshift=cells < tightest)
+        return Tier(cells, (*cautious, strict), each=_EACH_WARY, risk=_risk(cells, strict))
 
     def tried(cells: int, last: PhysicsConstraint) -> Tier:
-        rough = last is not strict or cells < tightest
-        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED, rough)
+        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED, _risk(cells, last))
 
-    first = [tier for cells in levels for tier in (wary(cells), tried(cells, strict))]
+    def _risk(cells: int, last: PhysicsConstraint) -> float:
+        return _RISKS[last.rule.name] + (_TIGHT if cells == 0 and levels[0] > 0 else 0.0)
+
     # What comes last may lie a little off: rather that than pass its neighbours by a hair.
-    late = [
+    roomy = [
         tier for cells in levels[:-1] for tier in (wary(cells), tried(cells, strict), tried(cells, lenient))
     ]
-    roomy = [*late, *(tried(cells, anyhow) for cells in levels[:-1])]
-    last = Tier(0, (*static, anyhow), makeshift=True)
-    tight = [wary(0), tried(0, strict), tried(0, lenient), last]
+    roomy += [tried(cells, anyhow) for cells in levels[:-1]]
+    tight = [wary(0), tried(0, strict), tried(0, lenient), Tier(0, (*static, anyhow), risk=_risk(0, anyhow))]
+    first = [tier for cells in levels[:-1] or (0,) for tier in (wary(cells), tried(cells, strict))]
     return replace(
         planner,
         constraints=(*static, strict),
         tiers=first,
+        # An order that does not fit with room to spare may fit without.
+        bold=(*first, wary(0), tried(0, strict)) if roomy else None,
         passes=(roomy, tight) if roomy else (tight,),
     )

@@ -31,9 +31,9 @@ from packenv.types import Item, Leftover, Plan
 
 if TYPE_CHECKING:
     from packenv.sim.camera import Recorder
+    from packenv.sim.descent import PlacementTask
     from packenv.sim.disturbance import Disturbance
     from packenv.sim.physics_items import PhysicsItem
-    from packenv.sim.placing import PlacementTask
     from packenv.sim.session import Execution, ExecutionConfig, Session
     from packenv.sim.world import World
 
@@ -147,10 +147,16 @@ def _remark_bulges(plan: Plan, parts: Mapping[str, ConvexParts], arguments: argp
 
 
 def _config(config: ExecutionConfig, arguments: argparse.Namespace) -> ExecutionConfig:
-    motion = replace(config.motion, settle=arguments.settle, gentle=arguments.gentle)
+    profile = replace(config.motion.profile, gentle=arguments.gentle)
+    motion = replace(config.motion, settle=arguments.settle, profile=profile)
     if arguments.full_settle:
         motion = replace(motion, rest=None)
-    return replace(config, motion=motion)
+    config = replace(config, motion=motion)
+    if arguments.closed_loop:
+        from packenv.closed_loop import feeling
+
+        config = feeling(config)
+    return config
 
 
 def _carried(

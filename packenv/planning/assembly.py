@@ -88,9 +88,9 @@ def margin_rule(stability: StabilityRule) -> MarginRule | None:
 
 
 def clearances(choice: PlannerChoice, grid: GridConfig) -> tuple[int, ...]:
-    """Cells of clearance to try, the most first: all that was asked for, two thirds, a third, none."""
+    """Cells of clearance to try, the most first: all that was asked for, a third, none."""
     widest = math.ceil(choice.clearance / grid.cell_size - 1e-9)
-    return tuple(dict.fromkeys((widest, math.ceil(widest * 2 / 3), math.ceil(widest / 3), 0)))
+    return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
 def assemble(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,7 +16,7 @@ from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.scores import Heuristic
 from packenv.robot.cell import RELEASE_HEIGHT
-from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, IntArray, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
@@ -53,7 +53,8 @@ class Packing:
         leftovers: what did not fit, and why.
         surfaces: the container heightmap after each placement.
         utilization: volume of the placed items as a share of the container's.
-        makeshift: items that were placed by a makeshift tier.
+        makeshift: items that were placed by a risky tier.
+        risk: sum of the risks of the tiers that placed them.
     """
 
     container: Container
@@ -62,6 +63,7 @@ class Packing:
     surfaces: tuple[ContainerMap, ...]
     utilization: float
     makeshift: tuple[str, ...] = ()
+    risk: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -79,14 +81,15 @@ class Tier:
         max_checked: as the planner's, in its place; None takes that.
         each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
             and one failure there tells of the rest. None takes them as they come.
-        makeshift: better than nothing, but a restart with such items first is worth trying.
+        risk: how bad such a placement is, on a scale of the caller's; above 0 it is makeshift: better than
+            nothing, but a restart with such items first is worth trying.
     """
 
     clearance: int = 0
     constraints: Sequence[Constraint] | None = None
     max_checked: int | None = None
     each: int | None = None
-    makeshift: bool = False
+    risk: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +111,7 @@ class Planner:
         seed: for heuristics that draw.
         tiers: how careful to be, the most careful first; a later one is tried where an earlier one leaves no
             packable candidate. The paper has one, without clearance.
+        bold: the tiers of a restart of an incomplete packing, in place of ``tiers``; None takes those.
         passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
@@ -124,6 +128,7 @@ class Planner:
     give_up: bool = False
     seed: int = 0
     tiers: Sequence[Tier] = (Tier(),)
+    bold: Sequence[Tier] | None = None
     passes: Sequence[Sequence[Tier]] | None = None
     play: float = RELEASE_HEIGHT
 
@@ -138,7 +143,7 @@ class Planner:
 
         The paper never takes a placement back. A restart does, all at once: what found no place, or a
         makeshift one, goes to the front of the sequence, and the order is planned anew. The fullest packing
-        is kept, and of such the one with the fewest makeshift placements.
+        is kept, and of such the one with the least risk.
 
         Under the non-overlap constraints alone there is no fallback in the sequence: heights only grow, so an
         item that fits nowhere fits nowhere later.
@@ -160,14 +165,15 @@ class Planner:
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
-            last = _Run(self, items, container, start).pack(sequence)
+            tiers = self.tiers if self.bold is None or best.complete else self.bold
+            last = _Run(replace(self, tiers=tiers), items, container, start).pack(sequence)
             if _goodness(last) > _goodness(best):
                 best = last
         return best
 
 
-def _goodness(packing: Packing) -> tuple[int, int]:
-    return len(packing.placements), -len(packing.makeshift)
+def _goodness(packing: Packing) -> tuple[int, float]:
+    return len(packing.placements), -packing.risk
 
 
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
@@ -194,6 +200,7 @@ class _Run:
     placements: list[Placement] = field(default_factory=list)
     surfaces: list[ContainerMap] = field(default_factory=list)
     makeshift: list[str] = field(default_factory=list)
+    risk: float = 0.0
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
@@ -228,6 +235,7 @@ class _Run:
             tuple(self.surfaces),
             share,
             tuple(self.makeshift),
+            self.risk,
         )
 
     def given_up(self, pieces: Sequence[tuple[str, int]], why: str) -> Packing:
@@ -320,12 +328,12 @@ class _Run:
             known: answers of earlier tiers on the same pile, by constraint and candidate; grows.
         """
         scores = self.planner.heuristic(candidates, self.rng)
+        constraints = self.planner.constraints if tier.constraints is None else tier.constraints
         in_turn = (
-            self.in_tier(candidates, scores, tier)
+            self.in_tier(candidates, scores, tier, _open(candidates, constraints, known))
             if asked is None
             else self.turns(candidates, scores, counts, asked)
         )
-        constraints = self.planner.constraints if tier.constraints is None else tier.constraints
         for index in in_turn:
             trial = _trial(candidates, index)
             states: list[Any] = []
@@ -367,8 +375,9 @@ class _Run:
                 self.pile = Pile(surface, tuple(states))
                 self.placements.append(placement)
                 self.surfaces.append(surface)
-                if tier.makeshift:
+                if tier.risk:
                     self.makeshift.append(name)
+                    self.risk += tier.risk
                 return placement
         return None
 
@@ -419,12 +428,23 @@ class _Run:
             left = left[keep[left]]
             batch *= 2  # where most orientations are of no use, many candidates have to be passed over
 
-    def in_tier(self, candidates: Candidates, scores: FloatArray, tier: Tier) -> Sequence[int]:
-        """Indices of the candidates that a tier has checked, best first."""
+    def in_tier(
+        self, candidates: Candidates, scores: FloatArray, tier: Tier, free: IntArray
+    ) -> Sequence[int]:
+        """Indices of the candidates that a tier has checked, best first.
+
+        Args:
+            candidates: the legal ones.
+            scores: theirs.
+            tier: how many of them.
+            free: indices of those that no earlier tier's answer rules out.
+        """
         most = tier.max_checked or self.planner.max_checked
+        if not len(free):
+            return []
         if tier.each is None:
-            return self.ranked(scores, most)
-        left = np.argsort(scores, kind="stable")
+            return [int(free[k]) for k in self.ranked(scores[free], most)]
+        left = free[np.argsort(scores[free], kind="stable")]
         grids = candidates.grid_index[left]
         # The place of each candidate among those of its orientation.
         by_grid = np.argsort(grids, kind="stable")
@@ -462,6 +482,27 @@ class _Run:
         size = " x ".join(f"{e:.3f}" for e in tightest)
         detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
         return Leftover(item.name, instance, "larger-than-container", detail)
+
+
+def _open(
+    candidates: Candidates,
+    constraints: Sequence[Constraint],
+    known: Mapping[tuple[int, int, int, int], Verdict],
+) -> IntArray:
+    """Indices of the candidates that none of the constraints has refused yet, ascending."""
+    asked = {id(constraint) for constraint in constraints}
+    number = {id(grid.oriented): k for k, grid in enumerate(candidates.grids)}
+    refused = [
+        (number[oriented], ix, iy)
+        for (constraint, oriented, ix, iy), verdict in known.items()
+        if not verdict.ok and constraint in asked and oriented in number
+    ]
+    if not refused:
+        return np.arange(len(candidates))
+    side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(r[1:]) for r in refused)))
+    codes = (candidates.grid_index * side + candidates.ix) * side + candidates.iy
+    barred = [(k * side + ix) * side + iy for k, ix, iy in refused]
+    return np.flatnonzero(~np.isin(codes, barred))
 
 
 def _trial(candidates: Candidates, index: int) -> Trial:

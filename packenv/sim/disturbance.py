@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from packenv.geometry.transforms import yaw_rotation
-from packenv.sim.placing import PlacementTask
+from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ExecutionConfig
 from packenv.types import FloatArray
 

@@ -52,11 +52,13 @@ class Release:
         height: above its planned place, m.
         offset: (x, y) from its planned place, m.
         yaw: about the vertical through its centre of mass, rad.
+        time_step: of the drop, s; None takes the world's.
     """
 
     height: float = RELEASE_HEIGHT
     offset: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
+    time_step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,7 @@ class DropTest:
         release = com + np.array([*how.offset, how.height])
         start = (turn @ rotation, release - turn @ rotation @ item.com)
         world.sleep()
+        world.pace(how.time_step)
         body = world.add(item, *start)
         reason, seconds = self._watch(pile, item, body, start, float(com[2]), rule)
         now = world.pose(body)
@@ -160,7 +163,7 @@ class DropTest:
         world = self._world
         release = start[0] @ item.com + start[1]
         began, calm = world.time, RestWatch(world, rule.rest)
-        for k in range(round(rule.settle / world.config.time_step)):
+        for k in range(round(rule.settle / world.time_step)):
             world.step()
             at_rest = calm.calm()
             if k % _EVERY and not at_rest:
@@ -182,7 +185,10 @@ class DropTest:
                 reason = "sticks-out"
             if reason or at_rest:
                 return reason, world.time - began
-        return "" if rule.restless else "restless", world.time - began
+        if rule.restless:
+            gone = rule.inside and not self._inside(item, world.pose(body))
+            return "sticks-out" if gone else "", world.time - began
+        return "restless", world.time - began
 
     def _inside(self, item: PhysicsItem, pose: Pose) -> bool:
         low, high = item.bounds(*pose)

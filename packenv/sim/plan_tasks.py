@@ -9,9 +9,9 @@ import numpy as np
 
 from packenv.errors import PlanError
 from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, Cell
+from packenv.sim.descent import PlacementTask
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
-from packenv.sim.placing import PlacementTask
 from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.types import Container, Placement
 

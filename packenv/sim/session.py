@@ -12,7 +12,8 @@ import numpy as np
 
 from packenv.geometry.transforms import angle_between
 from packenv.robot.cell import Cell
-from packenv.sim.placing import MotionConfig, Placed, PlacementTask, place
+from packenv.sim.descent import PlacementTask
+from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.world import World, WorldConfig
 from packenv.types import Container, FloatArray

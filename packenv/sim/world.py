@@ -88,6 +88,7 @@ class World:
         self.config = config or WorldConfig()
         self.container = container
         self.time = 0.0
+        self.time_step = self.config.time_step
         self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         self._folder = Path(tempfile.mkdtemp(prefix="robotpack-"))
         self._free = weakref.finalize(self, _free, self._client, self._folder)
@@ -207,7 +208,12 @@ class World:
     def step(self) -> None:
         """One time step."""
         pybullet.stepSimulation(physicsClientId=self._client)
-        self.time += self.config.time_step
+        self.time += self.time_step
+
+    def pace(self, time_step: float | None) -> None:
+        """Go on at another time step, s; None: at the configured one."""
+        self.time_step = self.config.time_step if time_step is None else time_step
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=self.time_step, physicsClientId=self._client)
 
     def pose(self, body: int) -> tuple[FloatArray, FloatArray]:
         """(3, 3) and (3,) of a body's mesh frame, m."""
@@ -237,7 +243,7 @@ class World:
 
     def pause(self) -> None:
         """Let a time step pass in which nothing moves by itself."""
-        self.time += self.config.time_step
+        self.time += self.time_step
 
     def overlaps(self, body: int, low: FloatArray, high: FloatArray, link: int | None = None) -> list[Touch]:
         """What a body or one of its links is in now, by the geometry alone.

@@ -12,7 +12,7 @@ pytest.importorskip("mujoco")
 from experiments.mujoco_execution import execute_in_mujoco
 from experiments.pose_gap import pose_gap
 from packenv.robot.cell import Cell
-from packenv.sim.placing import PlacementTask
+from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from tests.sim.bodies import BOX, ball, brick, by_hand

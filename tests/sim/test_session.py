@@ -10,7 +10,8 @@ import pytest
 from packenv.io.assets import assets_dir
 from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder
-from packenv.sim.placing import MotionConfig, PlacementTask
+from packenv.sim.descent import PlacementTask, Profile
+from packenv.sim.placing import MotionConfig
 from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.sim.world import World
 from tests.sim.bodies import BOX, ball, brick, by_hand, by_robot
@@ -50,7 +51,7 @@ def test_a_box_falls_the_centimetre_from_the_release() -> None:
 
 
 def test_gentle_lowering_leaves_nothing_to_fall() -> None:
-    config = ExecutionConfig(motion=MotionConfig(gentle=True))
+    config = ExecutionConfig(motion=MotionConfig(profile=Profile(gentle=True)))
     (outcome,) = carried_out([by_hand(brick(), (0.1, 0.1, 0.0))], config).items
     assert abs(outcome.drop_m) < 5e-4
     assert outcome.shift_m < 3e-4

@@ -1,0 +1,178 @@
+"""The way down: where joints and held item are at every time step, and how to get out of the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from packenv.robot import gripper, tx90
+from packenv.robot.cell import Cell
+from packenv.robot.motion import follow, refine
+from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.world import Touch
+from packenv.types import FloatArray
+
+MOST_ASIDE = 0.008
+"""Farthest that a robot that feels contacts goes aside from the plan, m."""
+_BEYOND = 0.0015
+"""How much farther than out of a contact it goes, m."""
+_STEEP = 0.3
+"""A normal with less of it horizontal (sine) does not say which way is out."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementTask:
+    """What the robot shall do with one item.
+
+    Attributes:
+        item: the item.
+        rotation: (3, 3) mesh frame to container frame, as planned.
+        position: (3,) as planned, m.
+        joints: (m, 6) waypoints from above the rim to the release, and the place itself, rad; None where an
+            ideal hand, of no size, holds the item: for plans that never asked the robot.
+        heights: (m,) of the same waypoints, m, from any level.
+        slip: (4, 4) by which the item is off in the cup, container axes about its planned centre of mass;
+            None where it is held as planned.
+    """
+
+    item: PhysicsItem
+    rotation: FloatArray
+    position: FloatArray
+    joints: FloatArray | None
+    heights: FloatArray
+    slip: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How fast the robot moves, and how far down.
+
+    Attributes:
+        speed: largest speed of the cup, m/s.
+        acceleration: of the cup, m/s².
+        share: of the joints' published speeds that is used.
+        gentle: lower the item beyond the release until something below holds it, at most to its place; else
+            it drops from the release (the paper).
+        gentle_speed: of the cup on this last bit, m/s.
+    """
+
+    speed: float = 0.5
+    acceleration: float = 2.5
+    share: float = 0.5
+    gentle: bool = False
+    gentle_speed: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Joints and held item at every time step of the way down.
+
+    Attributes:
+        cell: container and robot.
+        joints: (n, 6) rad; None where an ideal hand holds the item.
+        poses: (n, 4, 4) of the held item's mesh frame in the container frame.
+        release: index at which the cup lets go of an item that drops; what follows is the last bit to the
+            place itself, for gentle lowering.
+    """
+
+    cell: Cell
+    joints: FloatArray | None
+    poses: FloatArray
+    release: int
+
+    @classmethod
+    def of_task(cls, task: PlacementTask, cell: Cell, profile: Profile, step: float) -> Way:
+        """The way of a task, sampled at time steps of ``step`` seconds."""
+        mesh = np.eye(4)
+        mesh[:3, :3], mesh[:3, 3] = task.rotation, task.position
+        if task.slip is not None:
+            mesh = task.slip @ mesh
+        parts: list[tuple[slice, float]] = [(slice(0, -1), profile.speed)]
+        if profile.gentle:
+            parts.append((slice(-2, None), profile.gentle_speed))
+        if task.joints is None:
+            heights = [_sampled_fall(task.heights[part], profile, v, step) for part, v in parts]
+            lifts = np.concatenate([heights[0], *(h[1:] for h in heights[1:])])
+            poses = np.repeat(mesh[None], len(lifts), axis=0)
+            poses[:, 2, 3] += lifts - task.heights[-1]
+            return cls(cell, None, poses, len(heights[0]) - 1)
+        joints = [_sampled(task.joints[part], profile, v, step) for part, v in parts]
+        path = np.concatenate([joints[0], *(q[1:] for q in joints[1:])])
+        hold = np.linalg.inv(_tools(cell, task.joints[-1:])[0]) @ mesh
+        return cls(cell, path, _tools(cell, path) @ hold, len(joints[0]) - 1)
+
+    def __len__(self) -> int:
+        """Number of time steps, and one."""
+        return len(self.poses)
+
+    def held(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """(3, 3) and (3,) pose of the held item's mesh frame in the container frame."""
+        return self.poses[k, :3, :3], self.poses[k, :3, 3]
+
+    def back(self, k: int) -> FloatArray:
+        """(k + 1, 6) joints from index ``k`` back to the start; none for an ideal hand."""
+        return np.empty((0, 6)) if self.joints is None else self.joints[k::-1]
+
+    def above(self, k: int, lift: float) -> int:
+        """The last index at which the item is at least ``lift`` m higher than at ``k``; 0 where none is."""
+        high = np.flatnonzero(self.poses[: k + 1, 2, 3] >= self.poses[k, 2, 3] + lift)
+        return int(high[-1]) if len(high) else 0
+
+    def moved(self, aside: FloatArray) -> Way | None:
+        """The same way beside this one; None where the robot's arm cannot follow it.
+
+        Args:
+            aside: (2,) x and y, m.
+        """
+        poses = self.poses.copy()
+        poses[:, :2, 3] += aside
+        if self.joints is None:
+            return replace(self, poses=poses)
+        flanges = tx90.forward(self.joints)
+        flanges[:, :2, 3] += aside
+        branches = tx90.continuous_branches(flanges).q
+        if not len(branches):
+            return None
+        nearest = int(np.argmin(np.abs(branches - self.joints).max(axis=(1, 2))))
+        return replace(self, poses=poses, joints=branches[nearest])
+
+
+def way_out(touch: Touch, com: FloatArray) -> FloatArray:
+    """(2,) how far to go aside to get out of a contact and a little farther, m.
+
+    Args:
+        touch: the contact.
+        com: (3,) centre of mass of the held item, m: where the normal is steep, out is towards it.
+    """
+    out = touch.normal[:2]
+    if np.hypot(*out) < _STEEP:
+        out = com[:2] - touch.point[:2]
+    length = float(np.hypot(*out))
+    away: FloatArray = np.zeros(2) if length == 0.0 else out / length * (touch.depth + _BEYOND)
+    return away
+
+
+def _tools(cell: Cell, joints: FloatArray) -> FloatArray:
+    """(n, 4, 4) tool frames in the container frame."""
+    tools: FloatArray = gripper.flange_to_tool(tx90.forward(joints))
+    tools[:, :3, 3] = cell.to_container(tools[:, :3, 3])
+    return tools
+
+
+def _sampled(joints: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
+    """(n, 6) joints at the world's time steps, both ends included."""
+    fine = refine(joints)
+    tips = gripper.flange_to_tool(tx90.forward(fine))[:, :3, 3]
+    way = follow(fine, tips, speed=speed, acceleration=profile.acceleration, share=profile.share)
+    return way.sampled(step)
+
+
+def _sampled_fall(heights: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
+    """(n,) heights of an ideal hand at the world's time steps: the same profile without joints."""
+    tips = np.column_stack([np.zeros((len(heights), 2)), heights])
+    way = follow(np.zeros((len(heights), 6)), tips, speed=speed, acceleration=profile.acceleration)
+    travelled = abs(float(heights[0] - heights[-1])) * np.linspace(0.0, 1.0, len(way.times))
+    times = np.minimum(np.arange(int(np.ceil(way.duration / step - 1e-9)) + 1) * step, way.duration)
+    down: FloatArray = float(heights[0]) - np.interp(times, way.times, travelled)
+    return down
