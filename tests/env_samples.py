@@ -47,7 +47,7 @@ def random_action(mask: np.ndarray, rng: np.random.Generator) -> int:
 
 
 def best_action(obs: dict[str, np.ndarray], heuristic: str = "hm", below: float = np.inf) -> int:
-    """What the planner does: the valid candidate of the smallest rank if it is among the first, else defer."""
+    """What the planner does: the valid candidate of the smallest rank if among the first, else defer."""
     mask = obs["action_mask"]
     ranks = np.where(mask[:-1] == 1, obs["candidates"][:, FEATURES.index(f"rank_{heuristic}")], np.inf)
     return int(ranks.argmin()) if ranks.min() < below else len(ranks)

@@ -1,0 +1,106 @@
+"""Taking the smallest rank, and deferring where none is among the first N, is the planner (Alg. 3 and 4)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from packenv.config import GridConfig
+from packenv.env import PackEnv
+from packenv.io.catalogues import open_catalogue
+from packenv.io.shelves import ItemShelf
+from packenv.observation import HEURISTIC_COLUMNS
+from packenv.planning.assembly import Constraints, PlannerChoice, assemble
+from packenv.planning.packer import Packing, by_box_volume
+from packenv.types import Container, Placement
+from tests.env_samples import COARSE, ITEMS, best_action
+
+GRID = GridConfig(**COARSE)
+WORDS: dict[str, Constraints] = {"legal": "overlap", "stable": "stability", "robot": "robot"}
+MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duck", "pudding_box", "spoon")
+
+
+def planned(order: list[str], heuristic: str, mask: str, size: Any, most: int) -> Packing:
+    shelf = ItemShelf(open_catalogue("builtin"), GRID)
+    box = Container(*size)
+    choice = PlannerChoice(heuristic, WORDS[mask], restarts=0, max_checked=most)
+    planner = assemble(choice, shelf.planning(order), box, GRID)
+    return planner.pack(by_box_volume(order, shelf.prepared_items), shelf.prepared_items, box)
+
+
+def told(placement: Placement) -> tuple[Any, ...]:
+    return (
+        placement.item,
+        placement.instance,
+        placement.route,
+        placement.rotation.tobytes(),
+        placement.position.tobytes(),
+    )
+
+
+def compare(mask: str, size: tuple[float, float, float], orders: int, seed: int, most: int = 12) -> set[str]:
+    """Place orders by either; returns the routes that were used."""
+    settings = {
+        "mask": mask,
+        "containers": [size],
+        "grid": COARSE,
+        "max_checked": most,
+        "candidates": 16,
+    }
+    env = PackEnv(settings)
+    rng = np.random.default_rng(seed)
+    routes = set()
+    for k in range(orders):
+        heuristic = HEURISTIC_COLUMNS[k % len(HEURISTIC_COLUMNS)]
+        order = [str(name) for name in rng.choice(MORE, 7)]
+        obs, _ = env.reset(options={"order": order})
+        ended = False
+        while not ended:
+            obs, _, ended, _, _ = env.step(best_action(obs, heuristic, below=most))
+        packing = planned(order, heuristic, mask, size, most)
+        ours = env.plan()
+        assert [told(p) for p in ours.placements] == [told(p) for p in packing.placements], (k, heuristic)
+        assert [(x.item, x.instance) for x in ours.leftovers] == [
+            (x.item, x.instance) for x in packing.leftovers
+        ]
+        routes |= {p.route for p in ours.placements}
+    return routes
+
+
+@pytest.mark.parametrize(
+    ("mask", "size", "orders"),
+    [
+        ("legal", (0.2, 0.2, 0.12), 15),
+        ("stable", (0.18, 0.18, 0.12), 5),
+        ("robot", (0.18, 0.18, 0.12), 5),
+    ],
+)
+def test_the_environment_holds_the_planner(mask: str, size: tuple[float, float, float], orders: int) -> None:
+    compare(mask, size, orders, seed=0)
+
+
+def test_perturbed_orientations_come_as_in_the_planner() -> None:
+    assert compare("stable", (0.15, 0.15, 0.1), 5, seed=2, most=8) == {"first-pass", "later", "5d"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mask", ["legal", "stable", "robot"])
+def test_the_environment_holds_the_planner_on_many_orders(mask: str) -> None:
+    routes = compare(mask, (0.17, 0.17, 0.12), 60, seed=3, most=20)
+    assert mask == "legal" or routes == {"first-pass", "later", "5d"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_toy_orders_are_solved_by_the_planner(seed: int) -> None:
+    env = PackEnv(
+        {"mask": "legal", "grid": {"cell_size": 0.01, "grid_step": 0.01, "n_poses": 3, "n_yaws": 2}},
+        order_generator={"kind": "toy", "pieces": [4, 6]},
+    )
+    obs, info = env.reset(seed=seed)
+    ended = False
+    while not ended:
+        obs, _, ended, _, info = env.step(best_action(obs, "dblf"))
+    assert info["left_over"] == []
+    assert info["utilization"] == pytest.approx(1.0, abs=1e-4)
