@@ -26,13 +26,16 @@ ASIDE = 2
 
 FEEL = 0.0005
 """Depth at which the robot feels a contact in closed loop, m."""
-RETRIES = 4
+RETRIES = 24
 """How often it then tries beside its place."""
+CAREFULLY = 0.25
+"""Largest speed of a robot that feels its way, m/s."""
 
 
 def feeling(config: ExecutionConfig) -> ExecutionConfig:
     """The same settings with a robot that feels contacts on its way down and tries again beside them."""
-    return replace(config, motion=replace(config.motion, feel=FEEL, retries=RETRIES))
+    profile = replace(config.motion.profile, speed=CAREFULLY)
+    return replace(config, motion=replace(config.motion, profile=profile, feel=FEEL, retries=RETRIES))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +15,10 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import Touch
 from packenv.types import FloatArray
 
-MOST_ASIDE = 0.008
-"""Farthest that a robot that feels contacts goes aside from the plan, m."""
+_RADII = (0.002, 0.004, 0.006)
+"""How far to search beside a contact, m."""
+_TURNS = tuple(k * math.pi / 4.0 for k in (0, 1, -1, 2, -2, 3, -3, 4))
+"""In which directions, from the likeliest."""
 _BEYOND = 0.0015
 """How much farther than out of a contact it goes, m."""
 _STEEP = 0.3
@@ -119,6 +123,10 @@ class Way:
         high = np.flatnonzero(self.poses[: k + 1, 2, 3] >= self.poses[k, 2, 3] + lift)
         return int(high[-1]) if len(high) else 0
 
+    def deeper(self, k: int, other: int) -> float:
+        """How much lower the item is at index ``k`` than at another, m."""
+        return float(self.poses[other, 2, 3] - self.poses[k, 2, 3])
+
     def moved(self, aside: FloatArray) -> Way | None:
         """The same way beside this one; None where the robot's arm cannot follow it.
 
@@ -138,19 +146,25 @@ class Way:
         return replace(self, poses=poses, joints=branches[nearest])
 
 
-def way_out(touch: Touch, com: FloatArray) -> FloatArray:
-    """(2,) how far to go aside to get out of a contact and a little farther, m.
+def ways_out(touch: Touch, com: FloatArray) -> Iterator[FloatArray]:
+    """Where to go to get out of a contact: (2,) x and y, m; the likeliest first.
+
+    What a force and torque sensor tells, the contact's normal and place, is tried first; then a search around
+    it, ever wider, as for a peg at a hole.
 
     Args:
         touch: the contact.
         com: (3,) centre of mass of the held item, m: where the normal is steep, out is towards it.
     """
-    out = touch.normal[:2]
+    out, length = touch.normal[:2], touch.depth + _BEYOND
     if np.hypot(*out) < _STEEP:
         out = com[:2] - touch.point[:2]
-    length = float(np.hypot(*out))
-    away: FloatArray = np.zeros(2) if length == 0.0 else out / length * (touch.depth + _BEYOND)
-    return away
+    angle = math.atan2(out[1], out[0])
+    if np.hypot(*touch.normal[:2]) >= _STEEP:
+        yield length * np.array([math.cos(angle), math.sin(angle)])
+    for radius in _RADII:
+        for turn in _TURNS:
+            yield radius * np.array([math.cos(angle + turn), math.sin(angle + turn)])
 
 
 def _tools(cell: Cell, joints: FloatArray) -> FloatArray:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from packenv.robot.cell import Cell
-from packenv.sim.descent import MOST_ASIDE, PlacementTask, Profile, Way, way_out
+from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
 from packenv.sim.rest import RestRule, RestWatch, Settled
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.world import Touch, World
@@ -16,8 +15,10 @@ from packenv.types import FloatArray
 
 _SUPPORT = 0.3
 """A contact whose normal points up by at least this (sine) holds a body."""
-_BACK_UP = 0.03
+_BACK_UP = 0.02
 """How far the robot goes back up before it tries again, m."""
+_PAST = 0.003
+"""How much deeper than a contact it must get to be past it, m."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class MotionConfig:
         tolerance: contacts deeper than this are collisions, m: a cell of the heightmaps. An item that slides
             along another is none.
         feel: depth at which the robot feels a contact and stops, m; None: it feels none.
-        retries: how often it then goes back up, aside, and down again.
+        retries: how often, for one item, it then goes back up, aside, and down again.
         settle: longest time for settling, s.
         rest: ends settling earlier; None waits ``settle`` out.
     """
@@ -88,19 +89,22 @@ def place(
     way = Way.of_task(task, cell, motion.profile, world.config.time_step)
     body = world.add(task.item, *way.held(0))
     world.ghost(body)
-    begin, aside = 0, np.zeros(2)
-    for tries_left in range(motion.retries, -1, -1):
-        last, felt = _lower(world, robot, body, task, way, begin, motion, guard, watch)
-        if felt is None or guard.collided is not None or not tries_left:
-            break
-        aside = aside + way_out(felt, way.held(last)[0] @ task.item.com + way.held(last)[1])
-        other = way.moved(aside) if np.hypot(*aside) <= MOST_ASIDE else None
-        if other is None:
-            break
-        begin = way.above(last, _BACK_UP)
-        for _ in range(last - begin):
-            world.pause()
-        way = other
+    lower = _Lowering(world, robot, body, task, motion, guard, watch)
+    last, felt = lower.along(way, 0)
+    tries = motion.retries
+    while felt is not None and guard.collided is None:
+        met, start = last, way.above(last, _BACK_UP)
+        beside = lower.beside(way, met, felt)
+        for other in itertools.islice(beside, tries):
+            tries -= 1
+            lower.pause(met - start)
+            last, felt = lower.along(other, start)
+            if felt is None or guard.collided is not None or other.deeper(last, met) > _PAST:
+                way = other
+                break
+        else:
+            # Nowhere to go: whoever does not let go up here pushes on, and that is a collision.
+            last, felt = lower.along(way, met, blind=True)
     released = way.held(last)
     world.move(body, *released)
     world.solid(body)
@@ -111,42 +115,58 @@ def place(
     return Placed(body, guard.deepest, guard.collided, released, settled)
 
 
-def _lower(
-    world: World,
-    robot: RobotModel | None,
-    body: int,
-    task: PlacementTask,
-    way: Way,
-    begin: int,
-    motion: MotionConfig,
-    guard: _Guard,
-    watch: Callable[[], None] | None,
-) -> tuple[int, Touch | None]:
-    """Move along a way until its end, support, a collision, or a contact that the robot feels.
+@dataclass(frozen=True, eq=False)
+class _Lowering:
+    """A held item, or a robot with it, on its way down."""
 
-    Returns:
-        the last index of the way that was reached, and the contact that was felt before the release.
-    """
-    last = begin
-    for k in range(begin + 1, len(way)):
-        world.move(body, *way.held(k))
-        touches = world.overlaps(body, *task.item.bounds(*way.held(k)))
-        if k > way.release and guard.supported(touches):
-            break
-        last = k
-        if robot is not None and way.joints is not None:
-            robot.move(way.joints[k])
-            touches += robot.overlaps(body)
-        world.pause()
-        if watch is not None:
-            watch()
-        if guard.look(touches):
-            break
-        if motion.feel is not None and k <= way.release:
-            deepest = max(touches, key=lambda touch: touch.depth, default=None)
-            if deepest is not None and deepest.depth > motion.feel:
-                return k, deepest
-    return last, None
+    world: World
+    robot: RobotModel | None
+    body: int
+    task: PlacementTask
+    motion: MotionConfig
+    guard: _Guard
+    watch: Callable[[], None] | None
+
+    def along(self, way: Way, begin: int, *, blind: bool = False) -> tuple[int, Touch | None]:
+        """Move along a way until its end, support, a collision, or a contact that the robot feels.
+
+        Returns:
+            the last index of the way that was reached, and the contact that was felt before the release.
+        """
+        world, robot, body, item = self.world, self.robot, self.body, self.task.item
+        last = begin
+        for k in range(begin + 1, len(way)):
+            world.move(body, *way.held(k))
+            touches = world.overlaps(body, *item.bounds(*way.held(k)))
+            if k > way.release and self.guard.supported(touches):
+                break
+            last = k
+            if robot is not None and way.joints is not None:
+                robot.move(way.joints[k])
+                touches += robot.overlaps(body)
+            self.pause(1)
+            if self.guard.look(touches):
+                break
+            if self.motion.feel is not None and not blind and k <= way.release:
+                deepest = max(touches, key=lambda touch: touch.depth, default=None)
+                if deepest is not None and deepest.depth > self.motion.feel:
+                    return k, deepest
+        return last, None
+
+    def beside(self, way: Way, k: int, felt: Touch) -> Iterator[Way]:
+        """Ways beside one that met something at index ``k``, the likeliest first."""
+        rotation, position = way.held(k)
+        for aside in ways_out(felt, rotation @ self.task.item.com + position):
+            other = way.moved(aside)
+            if other is not None:
+                yield other
+
+    def pause(self, steps: int) -> None:
+        """Let time pass in which nothing moves by itself."""
+        for _ in range(steps):
+            self.world.pause()
+            if self.watch is not None:
+                self.watch()
 
 
 def _let_go(

@@ -8,8 +8,8 @@ from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.robot.cell import Cell
 from packenv.robot.tx90 import continuous_branches
-from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.descent import PlacementTask
+from packenv.sim.physics_items import PhysicsItem
 from packenv.types import Container, Item
 from tests import shapes
 
