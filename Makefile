@@ -39,7 +39,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --constraint constraints.txt --editable '.[dev,bench]'
+	$(PIP) install --constraint constraints.txt --editable '.[dev,bench,train]'
 	touch $@ $(VENV)/.core
 
 clean:

@@ -52,8 +52,8 @@ from packenv.planning.assembly import PlannerChoice
 from packenv.planning.packer import by_box_volume
 from packenv.robot.cell import Cell
 from packenv.sim import placing
-from packenv.sim.drop_test import DropTest, Lying
 from packenv.sim.descent import PlacementTask
+from packenv.sim.drop_test import DropTest, Lying
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.rest import RestWatch
 from packenv.sim.robot_model import RobotModel
