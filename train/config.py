@@ -16,6 +16,16 @@ T = TypeVar("T")
 _MAX_SEED = 2**31 - 1
 
 
+def _small_box() -> dict[str, Any]:
+    """The environment that is trained in by default: tight, and cheap, for legality alone is asked."""
+    return {"mask": "legal", "containers": [[0.24, 0.24, 0.20]], "candidates": 32}
+
+
+def _tight_orders() -> dict[str, Any]:
+    """The orders of it: more than always fits, so that policies can tell themselves apart."""
+    return {"kind": "random", "items": [10, 14], "longest_side": [0.01, 0.19], "split": "train"}
+
+
 @dataclass(frozen=True)
 class PPOConfig:
     """Parameters of MaskablePPO.
@@ -79,8 +89,9 @@ class TrainConfig:
         threads: of torch in the learner; results are equal only for equal numbers.
         checkpoint_every: steps between two evaluations, each with a checkpoint; rounded up to whole rollouts.
         evaluation_episodes: held-out episodes an evaluation, the same ones each time.
-        env_config: as ``PackEnv``'s ``config``.
-        order_generator: as ``PackEnv``'s ``order_generator``.
+        env_config: as ``PackEnv``'s ``config``; by default a small box under the ``legal`` mask.
+        order_generator: as ``PackEnv``'s ``order_generator``; by default 10 to 14 items up to 19 cm long, of
+            the kinds to train on.
         evaluation_order_generator: of the held-out episodes; None takes ``order_generator`` with other seeds.
         reward: as ``PackEnv``'s ``reward_fn``; None is its default.
         ppo: the algorithm.
@@ -93,8 +104,8 @@ class TrainConfig:
     threads: int = 1
     checkpoint_every: int = 4096
     evaluation_episodes: int = 50
-    env_config: Mapping[str, Any] = field(default_factory=dict)
-    order_generator: Mapping[str, Any] | None = None
+    env_config: Mapping[str, Any] = field(default_factory=_small_box)
+    order_generator: Mapping[str, Any] | None = field(default_factory=_tight_orders)
     evaluation_order_generator: Mapping[str, Any] | None = None
     reward: Mapping[str, Any] | None = None
     ppo: PPOConfig = field(default_factory=PPOConfig)
@@ -151,13 +162,16 @@ def _checked(where: str, mapping: object, kind: type[Any]) -> dict[str, Any]:
             near = difflib.get_close_matches(str(key), known, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
             raise InputError(f"{where} has no {key!r}; {hint}")
+        if value is None and "None" in str(known[key].type):
+            values[key] = None
+            continue
         values[key] = _of_kind(f"{where}: {key}", value, getattr(defaults, key))
     return values
 
 
 def _of_kind(where: str, value: object, default: object) -> object:
     if isinstance(default, Mapping) or default is None:
-        if isinstance(value, Mapping) or (default is None and value is None):
+        if isinstance(value, Mapping):
             return value
         raise InputError(f"{where} is {value!r}, give a JSON object")
     if isinstance(default, int) and isinstance(value, int) and not isinstance(value, bool):
