@@ -110,6 +110,8 @@ class World:
             body: (np.subtract(centre, half), np.add(centre, half))
             for body, (half, centre) in zip(self.fixed, boxes, strict=True)
         }
+        if gui:
+            self._arrange_window()
 
     def __enter__(self) -> World:
         """This world."""
@@ -272,6 +274,17 @@ class World:
             at = self.raw_pose(other)[0]
             bounds = at - item.reach, at + item.reach
         return bool(np.all(bounds[0] <= high) and np.all(low <= bounds[1]))
+
+    def _arrange_window(self) -> None:
+        """Look at the container from above the robot's far side, through its walls, without panels."""
+        p, c = pybullet, self._client
+        p.configureDebugVisualizer(p.COV_ENABLE_GUI, 0, physicsClientId=c)
+        x, y, z = self.container.size
+        centre = [SCALE * x / 2.0, SCALE * y / 2.0, SCALE * z]
+        distance = SCALE * 3.0 * max(self.container.size)
+        p.resetDebugVisualizerCamera(distance, 60.0, -40.0, centre, physicsClientId=c)
+        for body in self.fixed[1:]:
+            p.changeVisualShape(body, -1, rgbaColor=[0.6, 0.6, 0.65, 0.25], physicsClientId=c)
 
     def _collide(self, body: int, mask: int) -> None:
         p, c = pybullet, self._client
