@@ -27,7 +27,8 @@ from packenv.io.assets import assets_dir
 from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
-from packenv.planning.packer import Packing, Planner, by_box_volume
+from packenv.planning.packer import Planner, by_box_volume
+from packenv.planning.packing import Packing
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem

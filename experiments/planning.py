@@ -29,7 +29,8 @@ from packenv.io.item_cache import ItemCache
 from packenv.io.rows import row_key
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import Packing, by_box_volume
+from packenv.planning.packer import by_box_volume
+from packenv.planning.packing import Packing
 from packenv.types import Container
 
 GRID = GridConfig()

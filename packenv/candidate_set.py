@@ -9,7 +9,7 @@ import numpy as np
 
 from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.packer import Pile
+from packenv.planning.packing import Pile
 from packenv.planning.scores import HEURISTICS
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 

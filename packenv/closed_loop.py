@@ -10,7 +10,8 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning import cup_kernels
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
-from packenv.planning.packer import Packing, Pile, Planner
+from packenv.planning.packer import Planner
+from packenv.planning.packing import Packing, Pile
 from packenv.planning.replay import replay
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem

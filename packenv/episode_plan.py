@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from packenv.episode import Episode
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import EnvelopeRecord
-from packenv.planning.packer import Packing
+from packenv.planning.packing import Packing
 from packenv.types import OrderLine, Plan
 
 _CONSTRAINTS = {"legal": "overlap", "stable": "stability", "robot": "robot"}

@@ -12,7 +12,7 @@ from packenv.piles import Landing, Pose
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
-from packenv.planning.packer import Pile
+from packenv.planning.packing import Pile
 from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import OUT, ExecutionConfig, Session

@@ -12,8 +12,9 @@ from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, cl
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
-from packenv.planning.packer import Planner, Tier
+from packenv.planning.packer import Planner
 from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.planning.turns import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig

@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias
 
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Pile
+from packenv.planning.packing import Pile
 from packenv.types import Container, FloatArray, Placement
 
 Pose: TypeAlias = tuple[FloatArray, FloatArray]

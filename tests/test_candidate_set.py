@@ -12,7 +12,7 @@ from packenv.candidate_set import CandidateSet, choose
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Pile
+from packenv.planning.packing import Pile
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container, OrientedItem
 from tests.env_samples import make_env

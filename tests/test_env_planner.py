@@ -13,7 +13,8 @@ from packenv.io.catalogues import open_catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.assembly import Constraints, PlannerChoice, assemble
-from packenv.planning.packer import Packing, by_box_volume
+from packenv.planning.packer import by_box_volume
+from packenv.planning.packing import Packing
 from packenv.types import Container, Placement
 from tests.env_samples import COARSE, ITEMS, best_action
 

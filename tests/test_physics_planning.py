@@ -16,7 +16,7 @@ from packenv.io.assets import assets_dir
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.measured import Resting, measured_map
-from packenv.planning.packer import Packing
+from packenv.planning.packing import Packing
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem

@@ -30,7 +30,8 @@ from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import EnvelopeRecord, plan_to_json, write_plan
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
-from packenv.planning.packer import Packing, Planner, by_box_volume
+from packenv.planning.packer import Planner, by_box_volume
+from packenv.planning.packing import Packing
 from packenv.types import Container, Item, Plan
 
 _SETTINGS = (

@@ -13,7 +13,7 @@ from packenv.errors import InputError, PlanError
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
-from packenv.planning.packer import Packing
+from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability_constraint import ContactRule
 from packenv.types import Item, Plan

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from packenv.config import GridConfig
-from packenv.planning.packer import Packing
+from packenv.planning.packing import Packing
 from packenv.types import Item, MeshRecord, OrderLine, Plan
 
 

@@ -16,10 +16,11 @@ from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.manipulation_constraint import ManipulationConstraint
 from packenv.planning.margins import MarginRule
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import MAX_CHECKED, Planner, Tier
+from packenv.planning.packer import MAX_CHECKED, Planner
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
 from packenv.planning.stability_constraint import ContactRule, StabilityConstraint
+from packenv.planning.turns import Tier
 from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 

@@ -14,9 +14,11 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.packing import Packing, Pile
 from packenv.planning.scores import Heuristic
+from packenv.planning.turns import Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
-from packenv.types import Container, FloatArray, IntArray, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
@@ -28,68 +30,6 @@ _WORTH_A_RESTART = ("no-legal-candidate", "no-packable-candidate")
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pile:
-    """A container with what is in it.
-
-    Attributes:
-        surface: its heightmap.
-        states: what each constraint keeps of the pile, in their order.
-    """
-
-    surface: ContainerMap
-    states: tuple[Any, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Packing:
-    """What became of an order in one container.
-
-    Attributes:
-        container: the box.
-        placements: in packing sequence.
-        leftovers: what did not fit, and why.
-        surfaces: the container heightmap after each placement.
-        utilization: volume of the placed items as a share of the container's.
-        makeshift: items that were placed by a risky tier.
-        risk: sum of the risks of the tiers that placed them.
-    """
-
-    container: Container
-    placements: tuple[Placement, ...]
-    leftovers: tuple[Leftover, ...]
-    surfaces: tuple[ContainerMap, ...]
-    utilization: float
-    makeshift: tuple[str, ...] = ()
-    risk: float = 0.0
-
-    @property
-    def complete(self) -> bool:
-        """True where every item is placed."""
-        return not self.leftovers
-
-
-@dataclass(frozen=True, eq=False)
-class Tier:
-    """One level of care in choosing among an item's candidates.
-
-    Attributes:
-        clearance: cells by which the item may be off sideways at the release and still meet nothing.
-        constraints: asked in place of the planner's, one for each and on the same states; None asks those.
-        max_checked: as the planner's, in its place; None takes that.
-        each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
-            and one failure there tells of the rest. None takes them as they come.
-        risk: how bad such a placement is, on a scale of the caller's; above 0 it is makeshift: better than
-            nothing, but a restart with such items first is worth trying.
-    """
-
-    clearance: int = 0
-    constraints: Sequence[Constraint] | None = None
-    max_checked: int | None = None
-    each: int | None = None
-    risk: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +270,7 @@ class _Run:
         scores = self.planner.heuristic(candidates, self.rng)
         constraints = self.planner.constraints if tier.constraints is None else tier.constraints
         in_turn = (
-            self.in_tier(candidates, scores, tier, _open(candidates, constraints, known))
+            in_tier(candidates, scores, tier, self.most(tier), still_open(candidates, constraints, known))
             if asked is None
             else self.turns(candidates, scores, counts, asked)
         )
@@ -411,7 +351,7 @@ class _Run:
         left = np.arange(len(scores))
         taken, batch = 0, self.planner.max_checked
         while len(left):
-            best = left[self.ranked(scores[left], batch)]
+            best = left[ranked(scores[left], batch)]
             for index in best:
                 oriented = candidates.grids[candidates.grid_index[index]].oriented
                 if oriented not in asked:
@@ -428,40 +368,11 @@ class _Run:
             left = left[keep[left]]
             batch *= 2  # where most orientations are of no use, many candidates have to be passed over
 
-    def in_tier(
-        self, candidates: Candidates, scores: FloatArray, tier: Tier, free: IntArray
-    ) -> Sequence[int]:
-        """Indices of the candidates that a tier has checked, best first.
-
-        Args:
-            candidates: the legal ones.
-            scores: theirs.
-            tier: how many of them.
-            free: indices of those that no earlier tier's answer rules out.
-        """
-        most = tier.max_checked or self.planner.max_checked
-        if not len(free):
-            return []
-        if tier.each is None:
-            return [int(free[k]) for k in self.ranked(scores[free], most)]
-        left = free[np.argsort(scores[free], kind="stable")]
-        grids = candidates.grid_index[left]
-        # The place of each candidate among those of its orientation.
-        by_grid = np.argsort(grids, kind="stable")
-        starts = np.searchsorted(grids[by_grid], grids[by_grid])
-        place = np.empty(len(left), dtype=np.int64)
-        place[by_grid] = np.arange(len(left)) - starts
-        return [int(k) for k in left[place < tier.each][:most]]
-
-    def ranked(self, scores: FloatArray, most: int) -> Sequence[int]:
-        """Indices of the ``most`` best candidates, best first; equal scores keep the candidates' order."""
+    def most(self, tier: Tier) -> int:
+        """How many candidates of a tier are checked; without constraints the best one passes."""
         if not self.planner.constraints:
-            return [int(np.argmin(scores))]
-        n = min(most, len(scores))
-        bound = np.partition(scores, n - 1)[n - 1]
-        best = np.flatnonzero(scores <= bound)
-        order = best[np.argsort(scores[best], kind="stable")][:n]
-        return [int(k) for k in order]
+            return 1
+        return tier.max_checked or self.planner.max_checked
 
     def leftover(self, item: PreparedItem, instance: int, attempt: _Attempt) -> Leftover:
         """Why an item is not in the plan."""
@@ -482,27 +393,6 @@ class _Run:
         size = " x ".join(f"{e:.3f}" for e in tightest)
         detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
         return Leftover(item.name, instance, "larger-than-container", detail)
-
-
-def _open(
-    candidates: Candidates,
-    constraints: Sequence[Constraint],
-    known: Mapping[tuple[int, int, int, int], Verdict],
-) -> IntArray:
-    """Indices of the candidates that none of the constraints has refused yet, ascending."""
-    asked = {id(constraint) for constraint in constraints}
-    number = {id(grid.oriented): k for k, grid in enumerate(candidates.grids)}
-    refused = [
-        (number[oriented], ix, iy)
-        for (constraint, oriented, ix, iy), verdict in known.items()
-        if not verdict.ok and constraint in asked and oriented in number
-    ]
-    if not refused:
-        return np.arange(len(candidates))
-    side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(r[1:]) for r in refused)))
-    codes = (candidates.grid_index * side + candidates.ix) * side + candidates.iy
-    barred = [(k * side + ix) * side + iy for k, ix, iy in refused]
-    return np.flatnonzero(~np.isin(codes, barred))
 
 
 def _trial(candidates: Candidates, index: int) -> Trial:

@@ -20,7 +20,8 @@ from packenv.observation import FEATURES, HEURISTIC_COLUMNS
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Packing, by_box_volume
+from packenv.planning.packer import by_box_volume
+from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container
 

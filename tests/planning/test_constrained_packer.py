@@ -24,7 +24,8 @@ from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.margins import check_margin
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import Packing, Planner
+from packenv.planning.packer import Planner
+from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
 from packenv.recheck import Recheck, recheck

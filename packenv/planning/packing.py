@@ -1,0 +1,50 @@
+"""What the planner works on and what it returns: a pile, a packing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from packenv.planning.container_map import ContainerMap
+from packenv.types import Container, Leftover, Placement
+
+
+@dataclass(frozen=True, eq=False)
+class Pile:
+    """A container with what is in it.
+
+    Attributes:
+        surface: its heightmap.
+        states: what each constraint keeps of the pile, in their order.
+    """
+
+    surface: ContainerMap
+    states: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Packing:
+    """What became of an order in one container.
+
+    Attributes:
+        container: the box.
+        placements: in packing sequence.
+        leftovers: what did not fit, and why.
+        surfaces: the container heightmap after each placement.
+        utilization: volume of the placed items as a share of the container's.
+        makeshift: items that were placed by a risky tier.
+        risk: sum of the risks of the tiers that placed them.
+    """
+
+    container: Container
+    placements: tuple[Placement, ...]
+    leftovers: tuple[Leftover, ...]
+    surfaces: tuple[ContainerMap, ...]
+    utilization: float
+    makeshift: tuple[str, ...] = ()
+    risk: float = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """True where every item is placed."""
+        return not self.leftovers
