@@ -56,15 +56,15 @@ class Renderer:
     """
 
     def __init__(
-        self, colour: Colour, *, mode: Literal["rgb_array", "human"] = "rgb_array", egl: bool = False
+        self, colour: Colour, *, mode: Literal["rgb_array", "human"] = "rgb_array", egl: bool | None = None
     ) -> None:
         """Open the engine.
 
         Args:
             colour: of the items by their place in the sequence.
             mode: ``rgb_array`` for :meth:`frame`; ``human`` opens PyBullet's window for :meth:`show`.
-            egl: draw with OpenGL by PyBullet's EGL plugin where it loads. Without a graphics card it takes
-                ten times as long as the built-in renderer, which is the default.
+            egl: draw with OpenGL by PyBullet's EGL plugin where it loads, else with the built-in renderer; None:
+                only where there is a graphics card, without which OpenGL may take ten times as long.
 
         Raises:
             InputError: ``human`` without a display, or a second window.
@@ -81,7 +81,8 @@ class Renderer:
             except pybullet.error as problem:
                 why = str(problem).partition(".")[0]
                 raise InputError(f"render mode {mode!r}: PyBullet opens no window ({why})") from None
-            plugin = _load_egl(self._client) if egl and mode == "rgb_array" else -1
+            wanted = _graphics_card() if egl is None else egl
+            plugin = _load_egl(self._client) if wanted and mode == "rgb_array" else -1
         self._folder = Path(tempfile.mkdtemp(prefix="robotpack-"))
         self._free = weakref.finalize(self, _free, self._client, plugin, self._folder)
         self.hardware = plugin >= 0
@@ -258,6 +259,12 @@ def _free(client: int, plugin: int, folder: Path) -> None:
                 pybullet.unloadPlugin(plugin, physicsClientId=client)
             pybullet.disconnect(client)
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _graphics_card() -> bool:
+    """Whether this machine has a device that OpenGL can draw with."""
+    devices = Path("/dev")
+    return any(devices.glob("dri/renderD*")) or any(devices.glob("nvidia[0-9]*"))
 
 
 def _load_egl(client: int) -> int:
