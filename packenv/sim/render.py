@@ -63,7 +63,7 @@ class Renderer:
         Args:
             colour: of the items by their place in the sequence.
             mode: ``rgb_array`` for :meth:`frame`; ``human`` opens PyBullet's window for :meth:`show`.
-            egl: draw with OpenGL by PyBullet's EGL plugin where it loads, else with the built-in renderer; None:
+            egl: draw with OpenGL by PyBullet's EGL plugin where it loads, else as without; None:
                 only where there is a graphics card, without which OpenGL may take ten times as long.
 
         Raises:
