@@ -15,7 +15,7 @@ from packenv.sim.placing import MotionConfig
 from packenv.sim.rest import settle
 from packenv.sim.session import DISPLACED, OUT, Cause, Execution, ItemOutcome, Pose
 from packenv.sim.world import World
-from packenv.types import Container, FloatArray
+from packenv.types import Container
 
 
 def execute_in_mujoco(
@@ -73,7 +73,7 @@ class _Run:
             # The watch for rest asks of a world only what a pile has as well.
             at_rest = settle(cast(World, pile), motion.settle, motion.rest).at_rest
         now = pile.pose(k)
-        away = _com(task, now) - _com(task, (task.rotation, task.position))
+        away = task.item.com_at(now) - task.item.com_at((task.rotation, task.position))
         moved = (
             j for j, pose in enumerate(before) if _travel(self._tasks[j], pose, pile.pose(j)) > DISPLACED
         )
@@ -126,10 +126,5 @@ class _Run:
         return None
 
 
-def _com(task: PlacementTask, pose: Pose) -> FloatArray:
-    com: FloatArray = pose[0] @ task.item.com + pose[1]
-    return com
-
-
 def _travel(task: PlacementTask, a: Pose, b: Pose) -> float:
-    return float(np.linalg.norm(_com(task, a) - _com(task, b)))
+    return float(np.linalg.norm(task.item.com_at(a) - task.item.com_at(b)))

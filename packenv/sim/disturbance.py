@@ -52,7 +52,7 @@ class Disturbance:
 
 def _about(task: PlacementTask, turn: FloatArray, away: FloatArray) -> FloatArray:
     """(4, 4) turn about the vertical through the planned centre of mass, and shift."""
-    com = task.rotation @ task.item.com + task.position
+    com = task.item.com_at((task.rotation, task.position))
     slip = np.eye(4)
     slip[:3, :3] = turn
     slip[:3, 3] = com - turn @ com

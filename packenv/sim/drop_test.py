@@ -128,7 +128,7 @@ class DropTest:
         """
         world = self._world
         self._lay(pile)
-        com = rotation @ item.com + position
+        com = item.com_at((rotation, position))
         turn = yaw_rotation(how.yaw)
         release = com + np.array([*how.offset, how.height])
         start = (turn @ rotation, release - turn @ rotation @ item.com)
@@ -137,7 +137,7 @@ class DropTest:
         body = world.add(item, *start)
         reason, seconds = self._watch(pile, item, body, start, float(com[2]), rule)
         now = world.pose(body)
-        landed = now[0] @ item.com + now[1]
+        landed = item.com_at(now)
         after = pile
         if not reason:
             self._bodies.append((item, body))
@@ -161,7 +161,7 @@ class DropTest:
     ) -> tuple[str, float]:
         """Step until something has gone wrong or everything is at rest."""
         world = self._world
-        release = start[0] @ item.com + start[1]
+        release = item.com_at(start)
         began, calm = world.time, RestWatch(world, rule.rest)
         for k in range(round(rule.settle / world.time_step)):
             world.step()
@@ -169,7 +169,7 @@ class DropTest:
             if k % _EVERY and not at_rest:
                 continue
             now = world.pose(body)
-            com = now[0] @ item.com + now[1]
+            com = item.com_at(now)
             reason = ""
             if np.hypot(*(com - release)[:2]) > rule.shift:
                 reason = "shifts"
@@ -198,8 +198,8 @@ class DropTest:
     def _nudge(self, pile: Sequence[Lying]) -> float:
         moved = 0.0
         for lying, (item, body) in zip(pile, self._bodies, strict=True):
-            (r0, p0), (r1, p1) = lying.pose, self._world.pose(body)
-            moved = max(moved, float(np.linalg.norm(r1 @ item.com + p1 - r0 @ item.com - p0)))
+            way = item.com_at(self._world.pose(body)) - item.com_at(lying.pose)
+            moved = max(moved, float(np.linalg.norm(way)))
         return moved
 
     def _lay(self, pile: tuple[Lying, ...]) -> None:

@@ -71,7 +71,12 @@ class PhysicsItem:
         Returns:
             (3, 3) and (3,) of the body frame.
         """
-        return rotation @ self.axes, rotation @ self.com + position
+        return rotation @ self.axes, self.com_at((rotation, position))
+
+    def com_at(self, pose: tuple[FloatArray, FloatArray]) -> FloatArray:
+        """(3,) centre of mass in the world at a pose of the mesh frame, m."""
+        com: FloatArray = pose[0] @ self.com + pose[1]
+        return com
 
     def mesh_pose(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Inverse of :meth:`body_pose`."""

@@ -155,8 +155,7 @@ class _Lowering:
 
     def beside(self, way: Way, k: int, felt: Touch) -> Iterator[Way]:
         """Ways beside one that met something at index ``k``, the likeliest first."""
-        rotation, position = way.held(k)
-        for aside in ways_out(felt, rotation @ self.task.item.com + position):
+        for aside in ways_out(felt, self.task.item.com_at(way.held(k))):
             other = way.moved(aside)
             if other is not None:
                 yield other

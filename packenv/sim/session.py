@@ -177,8 +177,7 @@ class Session:
     def _com(self, k: int, pose: Pose) -> FloatArray:
         item = self.world.item_of(self._bodies[k])
         assert item is not None
-        com: FloatArray = pose[0] @ item.com + pose[1]
-        return com
+        return item.com_at(pose)
 
     def _travel(self, k: int, a: Pose, b: Pose) -> float:
         return float(np.linalg.norm(self._com(k, a) - self._com(k, b)))
