@@ -1,6 +1,5 @@
 """Speed of ``RobotPack-v0``: ``python -m benchmarks.env [--catalogue DIR] [--steps 150] [--json]``.
 
-
 An HM agent plays random 10-item orders in one process with one thread. For each mode (``legal``, ``stable``,
 ``robot``: planning alone at that mask; ``physics``: mask ``robot`` in PyBullet with the arm) orders are
 played until ``--steps`` steps are timed. Items are loaded and code is compiled before. JSON keys:
@@ -11,7 +10,8 @@ played until ``--steps`` steps are timed. Items are loaded and code is compiled 
 - ``steps``, ``items_packed_share``, by mode: how many steps, and what the agent packed;
 - ``reset_ms``: median CPU-milliseconds of a reset with mask ``robot`` once the catalogue is in memory: it
   searches and checks the first item's candidates; ``reset_alone_ms``: the same at mask ``legal``;
-- ``rss_mb``: resident memory of a fresh process that played mask ``robot`` for ``--steps`` steps;
+- ``rss_mb``: resident memory of a fresh process that played mask ``robot`` for ``--steps`` steps, every item
+  of the catalogue loaded; ``uss_mb``: what of it is its own, shared libraries left out;
 - ``two_process_ratio``: steps by the clock of two processes at once over those of one, at mask ``robot``;
 - ``profile``, by mode: share of the CPU time of a step by part, measured with a clock around each, a part
   without the parts inside it; ``other`` is what is left.
@@ -157,11 +157,12 @@ def in_a_process(catalogue: str, steps: int, ready: Any, go: Any, told: Any) -> 
     go.wait()
     start = time.perf_counter()
     done = len(player.play(steps)["cpu"])
-    told.put((done / (time.perf_counter() - start), psutil.Process().memory_info().rss / 1e6))
+    rate, memory = done / (time.perf_counter() - start), psutil.Process().memory_full_info()
+    told.put((rate, memory.rss / 1e6, memory.uss / 1e6))
 
 
-def processes(catalogue: str, steps: int, count: int) -> tuple[float, float]:
-    """Steps a second of so many processes together, and the largest memory, MB."""
+def processes(catalogue: str, steps: int, count: int) -> tuple[float, float, float]:
+    """Steps a second of so many processes together, and the largest memory, all and own, MB."""
     context = multiprocessing.get_context("spawn")
     ready, go, told = context.Semaphore(0), context.Event(), context.Queue()
     workers = [
@@ -175,7 +176,8 @@ def processes(catalogue: str, steps: int, count: int) -> tuple[float, float]:
     answers = [told.get() for _ in workers]
     for worker in workers:
         worker.join()
-    return sum(rate for rate, _ in answers), max(memory for _, memory in answers)
+    rates, memories, own = zip(*answers, strict=True)
+    return sum(rates), max(memories), max(own)
 
 
 def main() -> int:
@@ -208,14 +210,15 @@ def main() -> int:
             "profile": {**shares, "other": 1.0 - sum(shares.values())},
         }
         player.env.close()
-    one, memory = processes(arguments.catalogue, arguments.steps, 1)
-    two, _ = processes(arguments.catalogue, arguments.steps, 2)
+    one, memory, own = processes(arguments.catalogue, arguments.steps, 1)
+    two, _, _ = processes(arguments.catalogue, arguments.steps, 2)
     report = {
         "catalogue": arguments.catalogue,
         **{key: {mode: row[key] for mode, row in rows.items()} for key in next(iter(rows.values()))},
         "reset_ms": resets.get("robot"),
         "reset_alone_ms": resets.get("legal"),
         "rss_mb": memory,
+        "uss_mb": own,
         "two_process_ratio": two / one,
     }
     if not arguments.json:

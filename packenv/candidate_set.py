@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -27,7 +28,8 @@ class Answer:
     Attributes:
         ok: whether it may be placed.
         reason: the first objection, a word for programs; empty where there is none.
-        verdicts: one for each constraint, in their order; empty unless ``ok``.
+        verdicts: one for each constraint, in their order; empty unless ``ok``, and where the answer was
+            remembered.
     """
 
     ok: bool
@@ -35,18 +37,37 @@ class Answer:
     verdicts: tuple[Verdict, ...]
 
 
+class Memory:
+    """Objections to candidates on one pile that comes again and again, such as the empty container."""
+
+    def __init__(self) -> None:
+        """Remember nothing yet."""
+        self._reasons: WeakKeyDictionary[OrientedItem, dict[tuple[int, int], str]] = WeakKeyDictionary()
+
+    def of(self, oriented: OrientedItem) -> dict[tuple[int, int], str]:
+        """Why a translation, in cells, is no valid candidate; an empty word where it is one. May grow."""
+        return self._reasons.setdefault(oriented, {})
+
+
 class Asker:
     """Puts candidates to the constraints, each once."""
 
-    def __init__(self, candidates: Candidates, constraints: Sequence[Constraint], pile: Pile) -> None:
+    def __init__(
+        self,
+        candidates: Candidates,
+        constraints: Sequence[Constraint],
+        pile: Pile,
+        memory: Memory | None = None,
+    ) -> None:
         """Ask nothing yet.
 
         Args:
             candidates: the legal ones of one item.
             constraints: in any order; a candidate must pass all.
             pile: what the container holds.
+            memory: of this pile.
         """
-        self._candidates, self._pile = candidates, pile
+        self._candidates, self._pile, self._memory = candidates, pile, memory
         self._constraints = list(zip(constraints, pile.states, strict=True))
         self.answers: dict[int, Answer] = {}
 
@@ -60,8 +81,26 @@ class Asker:
         """Whether no constraint objects."""
         known = self.answers.get(index)
         if known is None:
-            known = self.answers[index] = self._ask(self.trial(index))
+            known = self.answers[index] = self._remembered(self.trial(index))
         return known.ok
+
+    def verdicts(self, index: int) -> tuple[Verdict, ...]:
+        """What each constraint says of a candidate that passes."""
+        if not self.passes(index):
+            raise ValueError(f"candidate {index} passes not all constraints")
+        if len(self.answers[index].verdicts) < len(self._constraints):
+            self.answers[index] = self._ask(self.trial(index))
+        return self.answers[index].verdicts
+
+    def _remembered(self, trial: Trial) -> Answer:
+        if self._memory is None:
+            return self._ask(trial)
+        reasons, place = self._memory.of(trial.oriented), (trial.ix, trial.iy)
+        if place in reasons:
+            return Answer(not reasons[place], reasons[place], ())
+        answer = self._ask(trial)
+        reasons[place] = answer.reason
+        return answer
 
     def _ask(self, trial: Trial) -> Answer:
         verdicts: list[Verdict] = []
@@ -110,6 +149,7 @@ def choose(
     step: int,
     size: int,
     max_checked: int,
+    memory: Memory | None = None,
 ) -> CandidateSet | None:
     """Choose the candidates of an item: the first valid one of every heuristic, and a spread.
 
@@ -125,6 +165,7 @@ def choose(
         step: cells between tried translations.
         size: K.
         max_checked: the paper's N.
+        memory: of this pile, where it comes again and again.
 
     Returns:
         the set; None where nothing is legal.
@@ -136,7 +177,7 @@ def choose(
     if not len(candidates):
         return None
     scores = np.column_stack([HEURISTICS[name](candidates, _NO_DRAW) for name in heuristics])
-    asker = Asker(candidates, constraints, pile)
+    asker = Asker(candidates, constraints, pile, memory)
     chosen = np.array(_chosen(candidates, scores, asker, size, max_checked), dtype=np.int64)
     chosen.sort()
     valid = np.array([asker.passes(int(k)) for k in chosen], dtype=np.bool_)

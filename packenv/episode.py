@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.candidate_set import CandidateSet, choose
+from packenv.candidate_set import CandidateSet, Memory, choose
 from packenv.config import PackConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.shelves import ItemShelf
@@ -39,7 +39,12 @@ class Rules:
         """Keep what is needed."""
         self.config, self.shelf = config, shelf
         self._manipulation: dict[tuple[float, float, float], ManipulationConstraint] = {}
-        self._memory = OrientationMemory(MAPS_MEMORY)
+        self._maps = OrientationMemory(MAPS_MEMORY)
+        self._empty: dict[tuple[float, float, float], Memory] = {}
+
+    def memory(self, container: Container) -> Memory:
+        """What was asked about candidates in the empty container, for the next episode."""
+        return self._empty.setdefault(container.size, Memory())
 
     def constraints(self, names: Iterable[str], container: Container) -> tuple[Constraint, ...]:
         """Those of an order's items in a container."""
@@ -67,7 +72,7 @@ class Rules:
         if self.config.mask == "legal":
             return iter((item.orientations,))
         shape, grid = self.shelf.shape(name), self.config.grid
-        return perturbations(shape, item.poses, grid, container.size, self._memory)
+        return perturbations(shape, item.poses, grid, container.size, self._maps)
 
 
 class Episode:
@@ -145,7 +150,7 @@ class Episode:
         index = int(offered.chosen[row])
         trial = offered.asker.trial(index)
         answers = offered.asker.answers
-        verdicts = answers[index].verdicts
+        verdicts = offered.asker.verdicts(index)
         placement = Placement(
             item=piece.item,
             instance=piece.instance,
@@ -245,6 +250,7 @@ class Episode:
                     step=self.config.grid.step_cells,
                     size=self.config.candidates,
                     max_checked=self.config.max_checked,
+                    memory=None if self.placements else self.rules.memory(self.container),
                 )
                 if offered is not None and offered.valid.any():
                     self.offered = offered

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.candidate_set import CandidateSet, choose
+from packenv.candidate_set import CandidateSet, Memory, choose
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
@@ -103,3 +103,32 @@ def test_nothing_legal_is_no_set() -> None:
         orientations, (), Pile(full, ()), heuristics=HEURISTIC_COLUMNS, step=5, size=8, max_checked=9
     )
     assert found is None
+
+
+def test_what_is_remembered_is_not_asked_again_and_changes_nothing() -> None:
+    env = make_env(mask="legal")
+    orientations = env.unwrapped._shelf.prepared("soap_bar").orientations
+    picky, memory = Picky(0.3), Memory()
+    pile = Pile(ContainerMap.empty(BOX, 0.004), (None,))
+    first, second = (
+        choose(
+            orientations,
+            (picky,),
+            pile,
+            heuristics=HEURISTIC_COLUMNS,
+            step=1,
+            size=20,
+            max_checked=30,
+            memory=memory,
+        )
+        for _ in range(2)
+    )
+    assert first is not None
+    assert second is not None
+    assert max(picky.asked.values()) == 1
+    np.testing.assert_array_equal(first.chosen, second.chosen)
+    np.testing.assert_array_equal(first.valid, second.valid)
+    good = int(second.chosen[second.valid][0])
+    assert [v.ok for v in second.asker.verdicts(good)] == [True]
+    with pytest.raises(ValueError, match="passes not"):
+        second.asker.verdicts(int(second.chosen[~second.valid][0]))

@@ -24,7 +24,7 @@ T = TypeVar("T")
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
-FIELD_MEMORY = 64 * 2**20
+FIELD_MEMORY = 32 * 2**20
 """Bytes of surface fields that a shelf keeps; one takes 2 to 8 MB, and reading it a few milliseconds."""
 
 

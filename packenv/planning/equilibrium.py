@@ -15,13 +15,13 @@ millionth of an item's weight.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from packenv.planning.equilibrium_kernels import fill_columns
+from packenv.planning.equilibrium_kernels import add_wrenches, fill_columns
 from packenv.types import BoolArray, Contacts, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -295,7 +295,6 @@ def build_equilibrium(
     up = -pull / g
     level = np.zeros(3)
     level[int(np.argmin(np.abs(up)))] = 1.0
-    angles = 2.0 * np.pi * np.arange(sides) / sides
     room = len(contacts) * sides
     edges = np.empty((len(contacts), sides, 3))
     start, index = np.empty(room + 1, dtype=np.int32), np.empty(12 * room, dtype=np.int32)
@@ -313,7 +312,7 @@ def build_equilibrium(
         mu,
         up,
         level,
-        np.column_stack([np.cos(angles), np.sin(angles)]),
+        _wheel(sides),
         edges,
         start,
         index,
@@ -339,6 +338,13 @@ def build_equilibrium(
         length=length,
         tolerance=tolerance,
     )
+
+
+@lru_cache(maxsize=16)
+def _wheel(sides: int) -> FloatArray:
+    """(sides, 2) cosine and sine of each edge's angle."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def residuals(
@@ -370,12 +376,7 @@ def residuals(
     total = np.zeros((n + 1, 6))
     total[1:, :3] = mass[:, None] * pull
     centre = np.concatenate([np.zeros((1, 3)), com])
-    for body, sign in ((contacts.first, -1.0), (contacts.second, 1.0)):
-        wrench = np.empty((len(contacts), 6))
-        wrench[:, :3] = sign * forces
-        wrench[:, 3:] = _cross((contacts.points - centre[body]) / length, wrench[:, :3])
-        for axis in range(6):
-            total[:, axis] += np.bincount(body, weights=wrench[:, axis], minlength=n + 1)
+    add_wrenches(contacts.points, forces, contacts.first, contacts.second, centre, length, total)
     out: FloatArray = total[1:] / (mass * np.linalg.norm(pull))[:, None]
     return out
 

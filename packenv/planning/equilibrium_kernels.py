@@ -97,6 +97,35 @@ def fill_columns(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def add_wrenches(points, forces, first, second, centre, length, total):  # type: ignore[no-untyped-def]
+    """Add what contact forces do to each body.
+
+    Args:
+        points: (k, 3) contacts, m.
+        forces: (k, 3) N, on ``second``; the opposite acts on ``first``.
+        first: (k,) bodies.
+        second: (k,) bodies.
+        centre: (n + 1, 3) of mass, m.
+        length: m, that torques are measured by.
+        total: (n + 1, 6) force and torque over ``length``, N; grows.
+    """
+    for k in range(len(points)):
+        fx, fy, fz = forces[k]
+        for side in range(2):
+            body = first[k] if side == 0 else second[k]
+            sign = -1.0 if side == 0 else 1.0
+            ax = (points[k, 0] - centre[body, 0]) / length
+            ay = (points[k, 1] - centre[body, 1]) / length
+            az = (points[k, 2] - centre[body, 2]) / length
+            total[body, 0] += sign * fx
+            total[body, 1] += sign * fy
+            total[body, 2] += sign * fz
+            total[body, 3] += sign * (ay * fz - az * fy)
+            total[body, 4] += sign * (az * fx - ax * fz)
+            total[body, 5] += sign * (ax * fy - ay * fx)
+
+
+@compiled
 def least_squares(columns, rhs, most, x, left):  # type: ignore[no-untyped-def]
     """Non-negative least squares (Lawson and Hanson 1974, NNLS) for a matrix of few rows.
 
