@@ -97,7 +97,7 @@ class PackConfig:
     unit: str | None = None
     containers: tuple[tuple[float, float, float], ...] = ((0.32, 0.32, 0.30),)
     grid: GridConfig = field(default_factory=GridConfig)
-    candidates: int = 64
+    candidates: int = 32
     map_step: int = 5
     max_items: int = 32
     mask: MaskLevel = "robot"

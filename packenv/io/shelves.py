@@ -26,6 +26,8 @@ Geometry: TypeAlias = Literal["mesh", "parts"]
 
 FIELD_MEMORY = 32 * 2**20
 """Bytes of surface fields that a shelf keeps; one takes 2 to 8 MB, and reading it a few milliseconds."""
+MAP_MEMORY = 96 * 2**20
+"""Bytes of heightmaps at stable poses that a shelf keeps; an item's take 0.1 to 8 MB."""
 
 
 class _Lazy(Mapping[str, T], Generic[T]):
@@ -44,6 +46,32 @@ class _Lazy(Mapping[str, T], Generic[T]):
         return len(list(self._names()))
 
 
+class _Recent(Generic[T]):
+    """Values that were used last, up to a number of bytes; at least one is kept."""
+
+    def __init__(self, budget: int, size: Callable[[T], int]) -> None:
+        self._budget, self._size = budget, size
+        self._kept: OrderedDict[str, tuple[T, int]] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, name: str, make: Callable[[], T]) -> T:
+        """The value of a name, made where it is not kept."""
+        if name in self._kept:
+            self._kept.move_to_end(name)
+            return self._kept[name][0]
+        value = make()
+        self._kept[name] = value, self._size(value)
+        self._bytes += self._kept[name][1]
+        while len(self._kept) > 1 and self._bytes > self._budget:
+            self._bytes -= self._kept.popitem(last=False)[1][1]
+        return value
+
+    def drop(self, name: str) -> None:
+        """Forget a name."""
+        if name in self._kept:
+            self._bytes -= self._kept.pop(name)[1]
+
+
 class ItemShelf:
     """The items of a catalogue, and for a while those that an order brings along.
 
@@ -59,6 +87,7 @@ class ItemShelf:
         *,
         cache: ItemCache | None = None,
         field_memory: int = FIELD_MEMORY,
+        map_memory: int = MAP_MEMORY,
     ) -> None:
         """Load nothing yet.
 
@@ -68,6 +97,7 @@ class ItemShelf:
             geometry: what they are planned with.
             cache: the user's, where None.
             field_memory: bytes of surface fields that are kept.
+            map_memory: bytes of heightmaps that are kept.
         """
         self.catalogue = catalogue
         self.grid = grid
@@ -76,10 +106,9 @@ class ItemShelf:
         self._brought: Mapping[str, Item] = {}
         self._parts: dict[str, ConvexParts] = {}
         self._shapes: dict[str, Item] = {}
-        self._prepared: dict[str, PreparedItem] = {}
+        self._prepared = _Recent(map_memory, _map_bytes)
         self._physics: dict[str, PhysicsItem] = {}
-        self._fields: OrderedDict[str, SurfaceField] = OrderedDict()
-        self._field_memory = field_memory
+        self._fields = _Recent(field_memory, _field_bytes)
         self.shapes: Mapping[str, Item] = _Lazy(self.shape, lambda: self.catalogue.names)
         self.fields: Mapping[str, SurfaceField] = _Lazy(self.field, lambda: self.catalogue.names)
         self.prepared_items: Mapping[str, PreparedItem] = _Lazy(self.prepared, lambda: self.catalogue.names)
@@ -90,8 +119,10 @@ class ItemShelf:
         One of the name of an item of the catalogue hides that one.
         """
         for name in {*self._brought, *items}:
-            for kept in (self._parts, self._shapes, self._prepared, self._physics, self._fields):
+            for kept in (self._parts, self._shapes, self._physics):
                 kept.pop(name, None)
+            self._prepared.drop(name)
+            self._fields.drop(name)
         self._brought = dict(items)
 
     def __contains__(self, name: object) -> bool:
@@ -134,20 +165,16 @@ class ItemShelf:
             prepare = prepare_item if name in self._brought else self._cache.prepare
             return prepare(self.shape(name), self.grid)
 
-        return _kept(self._prepared, name, make)
+        return self._prepared.get(name, make)
 
     def field(self, name: str) -> SurfaceField:
         """The surface of the shape that is planned with."""
-        found = self._fields.get(name)
-        if found is not None:
-            self._fields.move_to_end(name)
-            return found
-        shape = self.shape(name)
-        made = SurfaceField.of_item(shape) if name in self._brought else self._cache.surface_field(shape)
-        self._fields[name] = made
-        while len(self._fields) > 1 and sum(map(_bytes, self._fields.values())) > self._field_memory:
-            self._fields.popitem(last=False)
-        return made
+
+        def make() -> SurfaceField:
+            shape = self.shape(name)
+            return SurfaceField.of_item(shape) if name in self._brought else self._cache.surface_field(shape)
+
+        return self._fields.get(name, make)
 
     def physics(self, name: str) -> PhysicsItem:
         """The item as a rigid body of its convex parts, or a ball."""
@@ -171,5 +198,9 @@ def _kept(store: dict[str, T], name: str, make: Callable[[], T]) -> T:
     return store[name]
 
 
-def _bytes(field: SurfaceField) -> int:
+def _field_bytes(field: SurfaceField) -> int:
     return sum(array.nbytes for array in field.to_arrays().values())
+
+
+def _map_bytes(prepared: PreparedItem) -> int:
+    return sum(o.top.nbytes + o.bottom.nbytes for o in prepared.orientations)

@@ -6,8 +6,9 @@ manipulation, are constraints that the planner is given (paper Alg. 3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -50,6 +51,27 @@ class Trial:
         """(3,) centre of mass in the container frame, m."""
         com: FloatArray = self.oriented.com + self.corner
         return com
+
+
+class Details(Mapping[str, object]):
+    """Figures that are made when somebody looks: most candidates that pass are never placed."""
+
+    def __init__(self, make: Callable[[], Mapping[str, object]]) -> None:
+        """Keep how they are made."""
+        self._make = make
+
+    @cached_property
+    def _made(self) -> Mapping[str, object]:
+        return self._make()
+
+    def __getitem__(self, key: str) -> object:
+        return self._made[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,15 +33,19 @@ class Body:
         field: the surface, mesh frame.
         rotation: (3, 3) proper rotation.
         position: (3,) m.
+        box: (2, 3) smallest and largest x, y, z of the item at this pose, m, where they are known.
     """
 
     field: SurfaceField
     rotation: FloatArray
     position: FloatArray
+    box: FloatArray | None = None
 
     @cached_property
     def bounds(self) -> FloatArray:
-        """(2, 3) smallest and largest x, y, z of the mesh frame's box at this pose, m; contains the item."""
+        """(2, 3) a box around the item, m: its own where that is known, else that of the mesh frame's box."""
+        if self.box is not None:
+            return self.box
         low, high = self.field.bounds
         centre = self.rotation @ ((low + high) / 2) + self.position
         half = np.abs(self.rotation) @ ((high - low) / 2)

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Details, Trial, Verdict
 from packenv.planning.contact_patches import thin, tighten
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
@@ -103,7 +103,8 @@ class StabilityConstraint:
     def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
         """Whether the pile stands with the candidate placed."""
         name = trial.oriented.item
-        body = Body(self.fields[name], trial.oriented.rotation, trial.position)
+        box = np.stack([trial.corner, trial.corner + trial.oriented.extents])
+        body = Body(self.fields[name], trial.oriented.rotation, trial.position, box)
         index = len(state.bodies) - state.ground + 1
         find = contact_finder(self.contact_rule, tight=self.rule is not None)
         own = _grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
@@ -117,7 +118,7 @@ class StabilityConstraint:
         balance = self._balance(contacts, masses, coms, state.balance)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
-        details = self._details(contacts, masses, coms, balance, index)
+        details = Details(lambda: self._details(contacts, masses, coms, balance, index))
         pile = PileState((*state.bodies, body), masses, coms, contacts, balance, state.ground)
         return Verdict(True, state=pile, details=details)
 
