@@ -51,8 +51,7 @@ from packenv.physics_planning import CAREFUL, STRICT, make_planner
 from packenv.planning.assembly import PlannerChoice
 from packenv.planning.packer import by_box_volume
 from packenv.robot.cell import Cell
-from packenv.sim import placing
-from packenv.sim.descent import PlacementTask
+from packenv.sim.descent import PlacementTask, Way
 from packenv.sim.drop_test import DropTest, Lying
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.rest import RestWatch
@@ -83,7 +82,7 @@ PARTS: tuple[tuple[type, str, str], ...] = (
     (World, "wake", "poses"),
     (World, "ghost", "poses"),
     (World, "solid", "poses"),
-    (placing._Way, "__init__", "path"),
+    (Way, "of_task", "path"),
 )
 """Methods, and the parts of an execution that they are."""
 
