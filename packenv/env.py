@@ -26,7 +26,61 @@ if TYPE_CHECKING:
 
 
 class PackEnv(gymnasium.Env[Observation, Any]):
-    """Pack an order of real, non-convex items into a container, one item at a time."""
+    """Pack an order of real, non-convex items into a container, one item at a time.
+
+    docs/environment.md says the same at length. Lengths are in m, masses in kg, angles in rad.
+
+    ## Action space: ``Discrete(K + 1)``
+
+    K is ``config["candidates"]``. ``k < K`` places the current item at row k of ``candidates``; ``K``
+    defers it: to the end of the sequence (paper Alg. 4), when it is back to its next group of perturbed
+    orientations, and after the last of them it is left over. An action is valid where the mask is 1.
+
+    ## Observation space: ``Dict`` of float32 boxes
+
+    - ``container`` (X, Y): container heightmap, the maximum of ``map_step`` × ``map_step`` cells, m.
+    - ``item`` (P, 3, M, M): the current item at each stable pose: top and bottom heightmap, m, and share of
+      the footprint.
+    - ``candidates`` (K, 23): ``present``; ``x``, ``y``, ``z`` of its corner, m; ``length``, ``width``,
+      ``height`` of its bounding box, m; ``yaw``, rad; ``pose``, index; its ``probability``; ``perturbed``,
+      0 or 1; ``com_height``, m; ``support_margin``, m; then of HM, DBLF, MTA, MinZ and FirstFit
+      ``score_<name>``, 0 (best) to 1, and ``rank_<name>`` among all legal candidates, from 0.
+    - ``items`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
+      ``height``, m; ``volume``, m³; ``mass``, kg; ``share_filled``; ``deferred``.
+    - ``state`` (7,): ``length``, ``width``, ``height`` of the container, m; ``utilization``;
+      ``packed_share``; ``left_share``; ``stage``: 0 first pass, 1 back again, 2 perturbed.
+    - ``action_mask`` (K + 1,) int8.
+
+    ## Masks
+
+    ``config["mask"]``: ``legal``: free of overlap and inside the container; ``stable``: also the whole pile
+    is in static equilibrium; ``robot``: also the robot can bring the item there. *Defer* is always allowed.
+
+    ## Reward
+
+    The sum of the terms, each in ``info`` as ``reward_<term>``: ``packed``, share of the order's items that
+    was placed now; ``utilization``, share of the container's volume that was placed now; ``complete``, 1 at
+    the end of a complete order; ``outside`` and ``collision``, negative, in physics; ``left_over``, weight
+    0; ``invalid``, -0.1 for an invalid action, which changes nothing else. ``reward_fn`` gives other
+    weights.
+
+    ## Start, termination, truncation
+
+    An episode starts with an order of the ``order_generator`` and an empty container. It terminates when
+    nothing is left to do; when an item is left over under ``on_infeasible="terminate"``; in physics, when
+    robot or held item collide or an item lies beside the container. It is truncated after ``max_invalid``
+    invalid actions in a row.
+
+    ## Info
+
+    ``action_mask`` (a fresh int8 array), ``invalid_action``, ``utilization``, ``packed_items``,
+    ``items_left``, ``item``, ``container``, ``stage``, ``drop`` and ``shift`` (m, of the last placement in
+    physics), ``collision``, ``outside``, ``left_over``, and ``reward_<term>`` for every term.
+
+    ## Version history
+
+    - v0: first version.
+    """
 
     metadata = {  # noqa: RUF012
         "render_modes": ["human", "rgb_array"],
