@@ -7,7 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from packenv.config import GridConfig
+from packenv.geometry.transforms import angle_between
 from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, clearances
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
@@ -20,13 +23,17 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, Item, OrientedItem
 
+SLIPPERY = 0.5
+"""Most friction in a careful drop: what needs more to stay is not to be relied on."""
+
 CAREFUL = (
-    Release(offset=(0.003, 0.003), yaw=math.radians(1.5)),
-    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5), time_step=1.0 / 200.0),
+    Release(offset=(0.003, 0.003), yaw=math.radians(1.5), mu=SLIPPERY),
+    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5), time_step=1.0 / 200.0, mu=SLIPPERY),
+    Release(mu=SLIPPERY),
     Release(),
 )
-"""Two drops with errors of the size that a robot makes, and the exact one. One has a time step of its own: an
-item that stands at one step of the engine alone does not stand."""
+"""Drops with errors of the size that a robot makes, and exact ones; the last one is what to expect. One has a
+time step of its own: an item that stands at one step of the engine alone does not stand."""
 EXACT = (Release(),)
 """One drop, released exactly over its place."""
 
@@ -37,8 +44,8 @@ LENIENT = DropRule("lenient", shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
 ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, restless=True)
 """Whatever comes of it, inside the container."""
 
-SLIPPERY = 0.5
-"""Most friction that the scratch world has: what needs more to stay is not to be relied on."""
+_STILL = 1e-4
+"""Items that a drop moves by less than this keep their place in the heightmap, m."""
 
 _DROPPED = 30
 """Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
@@ -131,11 +138,18 @@ class PhysicsConstraint:
             "turned_deg": round(math.degrees(dropped.turned_rad), 3),
             "rule": self.rule.name,
         }
-        # Where it was meant to be and where physics has it: what comes next must clear both.
+        # Where it was meant to be, where physics has it, and what it moved: what comes next must clear all.
         meant = surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
-        landed = Resting(self._meshes[trial.oriented.item], *dropped.pile[-1].pose)
-        known = measured_map(surface.container, surface.cell_size, [landed], meant)
+        moved = [now for was, now in zip(state, dropped.pile, strict=False) if _travel(was, now) > _STILL]
+        landed = [Resting(self._meshes[now.item.name], *now.pose) for now in (*moved, dropped.pile[-1])]
+        known = measured_map(surface.container, surface.cell_size, landed, meant)
         return Verdict(True, state=dropped.pile, details=details, surface=known)
+
+
+def _travel(was: Lying, now: Lying) -> float:
+    """A bound on how far any point of an item got, m."""
+    way = now.item.com_at(now.pose) - was.item.com_at(was.pose)
+    return float(np.linalg.norm(way)) + now.item.reach * angle_between(was.pose[0], now.pose[0])
 
 
 def make_planner(
@@ -159,13 +173,13 @@ def make_planner(
         container: the box.
         grid: the discretization that ``shelf.prepared`` was made with.
         physics: every item of the order, for physics; read for ``physics`` alone.
-        world: of the scratch world, but for its friction.
+        world: of the scratch world.
     """
     if choice.stability != "physics":
         return assemble(choice, shelf, container, grid)
     planner = assemble(replace(choice, stability="paper"), shelf, container, grid)
     world = world or WorldConfig()
-    scratch = Scratch(container, replace(world, mu=min(world.mu, SLIPPERY)))
+    scratch = Scratch(container, world)
     strict = PhysicsConstraint(physics, scratch, shelf.meshes)
     lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
     anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)

@@ -11,10 +11,12 @@ from packenv.closed_loop import _still_good, run_closed_loop
 from packenv.config import GridConfig
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import prepare_item
 from packenv.io.assets import assets_dir
-from packenv.physics_planning import make_planner
+from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.constraints import Trial
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Packing
 from packenv.robot.cell import Cell
@@ -22,6 +24,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import ExecutionConfig, Session
+from packenv.sim.world import WorldConfig
 from packenv.types import Container
 from tests.shapes import box
 
@@ -147,3 +150,25 @@ def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsIt
     assert 0.5 <= one.config(ExecutionConfig()).world.mu <= 0.9
     factor = one.task(tasks[0], 1).item.mass / tasks[0].item.mass
     assert 0.9 <= factor <= 1.1
+
+
+def test_what_a_drop_moved_is_in_the_heightmap_where_it_lies_now() -> None:
+    items = {item.name: item for item in (box(0.03, 0.03, 0.15, "tower"), box(0.12, 0.10, 0.05, "slab"))}
+    bodies = {
+        name: PhysicsItem.of_item(item, ConvexParts((item.vertices,), None, 0.0, 0.0))
+        for name, item in items.items()
+    }
+    scratch = Scratch(BOX, WorldConfig())
+    constraint = PhysicsConstraint(bodies, scratch, items, ANYHOW, EXACT)
+    tower = Resting(items["tower"], np.eye(3), np.array([0.1, 0.1, 0.0]))
+    before = measured_map(BOX, GRID.cell_size, [tower])
+    slab = orient_item(items["slab"], np.eye(3), cell_size=GRID.cell_size)
+    # Half of the slab is above nothing, the other half pushes the tower away.
+    verdict = constraint.check(Trial(slab, 28, 20, 0.0), before, constraint.start([tower]))
+    scratch.close()
+    assert verdict.ok
+    lying = verdict.state[0]
+    assert np.linalg.norm(lying.pose[1] - tower.position) > 0.005
+    now = measured_map(BOX, GRID.cell_size, [Resting(items["tower"], *lying.pose)])
+    assert verdict.surface is not None
+    assert (verdict.surface.heights >= now.heights).all()

@@ -53,12 +53,14 @@ class Release:
         offset: (x, y) from its planned place, m.
         yaw: about the vertical through its centre of mass, rad.
         time_step: of the drop, s; None takes the world's.
+        mu: most friction of the drop; None takes the world's.
     """
 
     height: float = RELEASE_HEIGHT
     offset: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
     time_step: float | None = None
+    mu: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +136,7 @@ class DropTest:
         start = (turn @ rotation, release - turn @ rotation @ item.com)
         world.sleep()
         world.pace(how.time_step)
+        world.rub(None if how.mu is None else min(how.mu, world.config.mu))
         body = world.add(item, *start)
         reason, seconds = self._watch(pile, item, body, start, float(com[2]), rule)
         now = world.pose(body)

@@ -89,6 +89,7 @@ class World:
         self.container = container
         self.time = 0.0
         self.time_step = self.config.time_step
+        self._mu = self.config.mu
         self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         self._folder = Path(tempfile.mkdtemp(prefix="robotpack-"))
         self._free = weakref.finalize(self, _free, self._client, self._folder)
@@ -217,6 +218,15 @@ class World:
         self.time_step = self.config.time_step if time_step is None else time_step
         pybullet.setPhysicsEngineParameter(fixedTimeStep=self.time_step, physicsClientId=self._client)
 
+    def rub(self, mu: float | None) -> None:
+        """Go on with another coefficient of friction; None: with the configured one."""
+        mu = self.config.mu if mu is None else mu
+        if mu == self._mu:
+            return
+        self._mu = mu
+        for body in (*self.fixed, *self._items):
+            pybullet.changeDynamics(body, -1, **self._surface(), physicsClientId=self._client)
+
     def pose(self, body: int) -> tuple[FloatArray, FloatArray]:
         """(3, 3) and (3,) of a body's mesh frame, m."""
         at, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
@@ -293,7 +303,7 @@ class World:
 
     def _surface(self) -> dict[str, float]:
         """Friction of one body: Bullet multiplies the two of a contact, and adds rolling crosswise."""
-        own = math.sqrt(self.config.mu)
+        own = math.sqrt(self._mu)
         rolling = self.config.rolling * SCALE / (2.0 * own) if own > 0.0 else 0.0
         return {"lateralFriction": own, "rollingFriction": rolling, "restitution": 0.0}
 
