@@ -76,6 +76,6 @@ def test_real_drops_are_timed_as_far_as_items_stay() -> None:
     size = (0.10, 0.08, 0.05)
     plan = [by_robot(brick(), size, (0.1, 0.1, 0.0)), by_robot(brick(), size, (0.18, 0.1, 0.05))]
     found = execution.drop_tests([[*plan, plan[0]]], BOX)
-    # Three drops an item; the second one tips over, so the third has no pile to fall on.
-    assert found["n"] == 6
+    # So many drops an item; the second one tips over, so the third has no pile to fall on.
+    assert found["n"] == 2 * len(CAREFUL)
     assert 0.0 < found["median"] <= found["max"]
