@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import execution
 from benchmarks.execution import Clock
+from packenv.physics_planning import CAREFUL
 from tests.sim.bodies import BOX, brick, by_robot
 
 
