@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from packenv.config import GridConfig
 from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
-from packenv.io.parts_files import exact_parts
+from packenv.io.shelves import ItemShelf
 from packenv.planning.assembly import Shelf
 from packenv.sim.physics_items import PhysicsItem
+from packenv.types import Item
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,23 +19,27 @@ class PhysicsShelf:
     """Every item of a catalogue, by name.
 
     Attributes:
+        items: as their meshes.
         plan: for planning.
         physics: for physics.
     """
 
+    items: Mapping[str, Item]
     plan: Shelf
     physics: Mapping[str, PhysicsItem]
 
 
 def load_physics_shelf(catalogue: str, grid: GridConfig) -> PhysicsShelf:
-    """Read a catalogue; parts, envelopes, heightmaps and surfaces come from the cache where it has them."""
-    opened, cache = open_catalogue(catalogue), ItemCache()
-    meshes, physics = {}, {}
-    for name in opened.names:
-        item = opened.item(name)
-        parts = exact_parts(opened, name) or cache.parts(item)
-        meshes[name] = cache.envelope(item, parts)
-        physics[name] = PhysicsItem.of_item(item, parts)
-    prepared = {name: cache.prepare(item, grid) for name, item in meshes.items()}
-    fields = {name: cache.surface_field(item) for name, item in meshes.items()}
-    return PhysicsShelf(Shelf(meshes, prepared, fields), physics)
+    """Read a catalogue; parts, envelopes, heightmaps and surfaces come from the cache where it has them.
+
+    All of it stays in memory, so that no timing has a second reading in it.
+    """
+    opened = open_catalogue(catalogue)
+    shelf = ItemShelf(opened, grid, "parts", field_memory=sys.maxsize, map_memory=sys.maxsize)
+    plan = shelf.planning(opened.names)
+    fields = {name: shelf.field(name) for name in opened.names}
+    return PhysicsShelf(
+        {name: shelf.item(name) for name in opened.names},
+        Shelf(plan.meshes, plan.prepared, fields),
+        {name: shelf.physics(name) for name in opened.names},
+    )

@@ -12,29 +12,27 @@ import statistics
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import load_physics_shelf
+from experiments.plan_store import PlanStore
 from experiments.runs import finish
 from packenv import __version__
-from packenv.closed_loop import feeling, run_closed_loop
+from packenv.closed_loop import run_closed_loop
 from packenv.config import GridConfig
 from packenv.io.assets import assets_dir
 from packenv.io.rows import row_key
-from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
-from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
-from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
-from packenv.sim.session import Execution, ExecutionConfig, Session
-from packenv.types import Container
+from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
+from packenv.types import Container, Plan
 
 GRID = GridConfig()
 BOX = Container(0.32, 0.32, 0.30)
@@ -50,11 +48,13 @@ class Column:
         name: of the column.
         choice: of the planner.
         closed: in closed loop.
+        feel: the robot feels contacts, as it always does in closed loop.
     """
 
     name: str
     choice: PlannerChoice
     closed: bool = False
+    feel: bool = False
 
 
 COLUMNS = {
@@ -65,16 +65,17 @@ COLUMNS = {
         Column("margin", PlannerChoice(stability="margin")),
         Column("clearance", PlannerChoice(clearance=0.01)),
         Column("physics", PlannerChoice(stability="physics", clearance=0.01)),
-        Column("closed-loop", PlannerChoice(stability="physics", clearance=0.01), closed=True),
+        Column("guarded", PlannerChoice(stability="physics", clearance=0.01), feel=True),
+        Column("closed-loop", PlannerChoice(stability="physics", clearance=0.01), closed=True, feel=True),
     )
 }
 
 
 @dataclass(frozen=True)
 class Job:
-    """One order in all columns that are asked for: columns of one planner share its plan."""
+    """One order in one column."""
 
-    columns: tuple[Column, ...]
+    column: Column
     index: int
     order: tuple[str, ...]
     meshes: tuple[str, ...]
@@ -85,64 +86,71 @@ class Job:
         return row_key(__version__, GRID, CONFIG, self)
 
 
+_BLOCK = 8
+"""Orders that are done in all columns before the next ones are begun."""
+
+
+def in_turn(columns: Sequence[Column], orders: Sequence[Sequence[str]], shelf: Shelf) -> Iterator[Job]:
+    """The jobs, column by column in blocks of orders: so no two workers make one plan at the same time."""
+    for start in range(0, len(orders), _BLOCK):
+        for column in columns:
+            for index, order in enumerate(orders[start : start + _BLOCK], start=start):
+                meshes = tuple(shelf.meshes[name].sha256[:16] for name in order)
+                yield Job(column, index, tuple(order), meshes)
+
+
 class _Worker:
     """What a worker process loads once."""
 
-    shelf: Shelf
-    physics: Mapping[str, PhysicsItem]
+    store: PlanStore
 
 
-def prepare(catalogue: str) -> None:
-    """Load the catalogue into this process, every item as its envelope."""
-    loaded = load_physics_shelf(catalogue, GRID)
-    _Worker.shelf, _Worker.physics = loaded.plan, loaded.physics
+def prepare(catalogue: str, plans: Path) -> None:
+    """Load the catalogue into this process, every item as its envelope; plans are kept in a folder."""
+    shelf = load_physics_shelf(catalogue, GRID)
+    _Worker.store = PlanStore(plans, catalogue, shelf, BOX, GRID, CONFIG.world)
 
 
 def work(job: Job) -> dict[str, Any]:
-    """Plan one order in every column and carry it out."""
-    plans: dict[PlannerChoice, tuple[Planner, Packing, float]] = {}
-    columns = {}
-    for column in job.columns:
-        if column.choice not in plans:
-            start = time.process_time()
-            planner = _planner(column.choice)
-            sequence = by_box_volume(job.order, _Worker.shelf.prepared)
-            packing = planner.pack(sequence, _Worker.shelf.prepared, BOX)
-            plans[column.choice] = planner, packing, time.process_time() - start
-        planner, packing, seconds = plans[column.choice]
-        found: dict[str, Any] = {
-            "planned": packing.complete,
-            "left_over": [(left.item, left.reason) for left in packing.leftovers],
-            "plan_cpu_s": seconds,
-        }
-        if packing.complete:
-            found["nominal"] = _carry_out(column, planner, packing, None)
-            found["disturbed"] = _carry_out(column, planner, packing, Disturbance(job.index))
-        columns[column.name] = found
-    return {"key": job.key, "index": job.index, "order": job.order, "columns": columns}
+    """Plan one order in one column and carry it out."""
+    stored = _Worker.store.plan(job.order, job.column.choice)
+    row: dict[str, Any] = {
+        "key": job.key,
+        "index": job.index,
+        "column": job.column.name,
+        "order": job.order,
+        "planned": stored.plan.complete,
+        "left_over": [(left.item, left.reason) for left in stored.plan.leftovers],
+        "plan_cpu_s": stored.cpu_s,
+    }
+    if stored.plan.complete:
+        row["nominal"] = _carry_out(job.column, stored.plan, None)
+        row["disturbed"] = _carry_out(job.column, stored.plan, Disturbance(job.index))
+    return row
 
 
-def _planner(choice: PlannerChoice) -> Planner:
-    return make_planner(choice, _Worker.shelf, BOX, GRID, _Worker.physics, CONFIG.world)
-
-
-def _carry_out(
-    column: Column, planner: Planner, packing: Packing, disturbance: Disturbance | None
-) -> dict[str, Any]:
+def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> dict[str, Any]:
     start = time.process_time()
     cell, urdf = Cell.beside(BOX), assets_dir() / "robot" / "tx90.urdf"
+    config = feeling(CONFIG) if column.feel else CONFIG
+    shelf = _Worker.store.shelf
     plans, success = 1, None
     if column.closed:
-        config = feeling(CONFIG if disturbance is None else disturbance.config(CONFIG))
-        shelf = _Worker.shelf
-        with Session(cell, config, urdf) as session:
+        planner = _Worker.store.planner(column.choice)
+        with Session(cell, config if disturbance is None else disturbance.config(config), urdf) as session:
             looped = run_closed_loop(
-                planner, packing, session, shelf.meshes, shelf.prepared, _Worker.physics, disturbance
+                planner,
+                Packing.of_plan(plan),
+                session,
+                shelf.plan.meshes,
+                shelf.plan.prepared,
+                shelf.physics,
+                disturbance,
             )
         execution, plans, success = looped.execution, looped.plans, looped.success
     else:
-        tasks = [task_of(p, _Worker.physics[p.item], BOX) for p in packing.placements]
-        execution = run_tasks(tasks, cell, CONFIG, urdf, disturbance)
+        tasks = [task_of(p, shelf.physics[p.item], BOX) for p in plan.placements]
+        execution = run_tasks(tasks, cell, config, urdf, disturbance)
     return {
         **_figures(execution),
         "success": execution.success if success is None else success,
@@ -167,8 +175,7 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Columns over the orders that every column planned whole; and the share that each one planned."""
     by_column: dict[str, dict[int, dict[str, Any]]] = defaultdict(dict)
     for row in rows:
-        for name, found in row.get("columns", {}).items():
-            by_column[name][row["index"]] = found
+        by_column[row["column"]][row["index"]] = row
     if not by_column:
         return {}
     common = set.intersection(*({i for i, r in c.items() if r["planned"]} for c in by_column.values()))
@@ -213,21 +220,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("runs/execution.jsonl"))
+    parser.add_argument(
+        "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
+    )
     parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
-    prepare(arguments.catalogue)
-    shelf = _Worker.shelf
+    prepare(arguments.catalogue, arguments.plans)
+    shelf = _Worker.store.shelf.plan
     names = fitting(shelf.prepared, BOX, GRID)
     orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
-    jobs = [
-        Job(
-            tuple(COLUMNS[name] for name in arguments.columns),
-            i,
-            tuple(order),
-            tuple(shelf.meshes[n].sha256[:16] for n in order),
-        )
-        for i, order in enumerate(orders)
-    ]
+    jobs = list(in_turn([COLUMNS[name] for name in arguments.columns], orders, shelf))
     done, failed = finish(
         work,
         jobs,
@@ -235,9 +237,9 @@ def main() -> int:
         workers=arguments.workers,
         timeout=1800,
         prepare=prepare,
-        arguments=(arguments.catalogue,),
+        arguments=(arguments.catalogue, arguments.plans),
     )
-    document = {"columns": summarize(done), "failed_jobs": failed}
+    document = {"columns": summarize([row for row in done if "error" not in row]), "failed_jobs": failed}
     print(json.dumps(document, indent=1))  # noqa: T201
     return 1 if failed else 0
 

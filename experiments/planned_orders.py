@@ -1,27 +1,25 @@
-"""Random orders, each planned anew and handed on to be carried out: what experiments on executions share.
+"""Random orders, each planned and handed on to be carried out: what experiments on executions share.
 
 Orders, container and columns are those of :mod:`experiments.execution`, so the rows of both tell of the same
-plans.
+plans, and share the files of those that are made.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
-from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
+from benchmarks.physics_shelf import load_physics_shelf
 from experiments.execution import BOX, COLUMNS, CONFIG, GRID
+from experiments.plan_store import PlanStore
 from experiments.runs import finish
 from packenv import __version__
 from packenv.io.rows import row_key
-from packenv.physics_planning import make_planner
-from packenv.planning.packer import by_box_volume
 from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution
@@ -56,31 +54,30 @@ class PlanJob:
 class _Worker:
     """What a worker process loads once."""
 
-    shelf: PhysicsShelf
+    store: PlanStore
 
 
-def prepare(catalogue: str) -> None:
-    """Load the catalogue into this process."""
-    _Worker.shelf = load_physics_shelf(catalogue, GRID)
+def prepare(catalogue: str, plans: Path) -> None:
+    """Load the catalogue into this process; plans are kept in a folder."""
+    shelf = load_physics_shelf(catalogue, GRID)
+    _Worker.store = PlanStore(plans, catalogue, shelf, BOX, GRID, CONFIG.world)
 
 
 def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | None]:
     """The row of a job as far as planning goes, and the tasks; None where the plan leaves items over."""
-    shelf = _Worker.shelf
-    start = time.process_time()
-    planner = make_planner(COLUMNS[job.column].choice, shelf.plan, BOX, GRID, shelf.physics, CONFIG.world)
-    packing = planner.pack(by_box_volume(job.order, shelf.plan.prepared), shelf.plan.prepared, BOX)
+    stored = _Worker.store.plan(job.order, COLUMNS[job.column].choice)
     row = {
         "key": job.key,
         "column": job.column,
         "index": job.index,
         "order": job.order,
-        "planned": packing.complete,
-        "plan_cpu_s": time.process_time() - start,
+        "planned": stored.plan.complete,
+        "plan_cpu_s": stored.cpu_s,
     }
-    if not packing.complete:
+    if not stored.plan.complete:
         return row, None
-    return row, [task_of(p, shelf.physics[p.item], BOX) for p in packing.placements]
+    physics = _Worker.store.shelf.physics
+    return row, [task_of(p, physics[p.item], BOX) for p in stored.plan.placements]
 
 
 def figures(execution: Execution) -> dict[str, Any]:
@@ -129,10 +126,13 @@ def run(
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path(f"runs/{experiment.split()[0]}.jsonl"))
+    parser.add_argument(
+        "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
+    )
     parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
-    prepare(arguments.catalogue)
-    shelf = _Worker.shelf.plan
+    prepare(arguments.catalogue, arguments.plans)
+    shelf = _Worker.store.shelf.plan
     names = fitting(shelf.prepared, BOX, GRID)
     jobs = [
         PlanJob(
@@ -151,7 +151,7 @@ def run(
         workers=arguments.workers,
         timeout=_TIMEOUT,
         prepare=prepare,
-        arguments=(arguments.catalogue,),
+        arguments=(arguments.catalogue, arguments.plans),
     )
     sound = [row for row in rows if "error" not in row]
     report = {

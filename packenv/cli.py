@@ -279,6 +279,12 @@ def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="lower each item until something holds it, instead of letting it drop from 1 cm above its place",
     )
     execute.add_argument(
+        "--feel",
+        action="store_true",
+        help="guarded moves: the robot lowers at half the speed, feels contacts, and tries beside them "
+        "before it gives up; part of --closed-loop",
+    )
+    execute.add_argument(
         "--disturb",
         action="store_true",
         help="in a world that is not quite as planned: other friction, masses, grasps and time step",

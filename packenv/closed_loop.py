@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
@@ -16,27 +16,13 @@ from packenv.planning.replay import replay
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import task_of
-from packenv.sim.session import Execution, ExecutionConfig, Session
+from packenv.sim.session import Execution, Session
 from packenv.types import Item, Leftover, Placement
 
 DEEPER = 0.003
 """How much deeper or higher than planned an item may come to lie before the rest is planned anew, m."""
 ASIDE = 2
 """Cells by which an item may be off sideways: what comes nearer than that calls for a new plan."""
-
-
-FEEL = 0.0005
-"""Depth at which the robot feels a contact in closed loop, m."""
-RETRIES = 24
-"""How often it then tries beside its place."""
-CAREFULLY = 0.25
-"""Largest speed of a robot that feels its way, m/s."""
-
-
-def feeling(config: ExecutionConfig) -> ExecutionConfig:
-    """The same settings with a robot that feels contacts on its way down and tries again beside them."""
-    profile = replace(config.motion.profile, speed=CAREFULLY)
-    return replace(config, motion=replace(config.motion, profile=profile, feel=FEEL, retries=RETRIES))
 
 
 @dataclass(frozen=True, eq=False)

@@ -152,8 +152,8 @@ def _config(config: ExecutionConfig, arguments: argparse.Namespace) -> Execution
     if arguments.full_settle:
         motion = replace(motion, rest=None)
     config = replace(config, motion=motion)
-    if arguments.closed_loop:
-        from packenv.closed_loop import feeling
+    if arguments.feel or arguments.closed_loop:
+        from packenv.sim.session import feeling
 
         config = feeling(config)
     return config

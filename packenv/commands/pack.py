@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 from packenv.commands.loading import (
@@ -27,8 +27,8 @@ from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
-from packenv.io.plan_maker import make_plan
-from packenv.io.plans import EnvelopeRecord, plan_to_json, write_plan
+from packenv.io.plan_maker import make_plan, with_envelopes
+from packenv.io.plans import plan_to_json, write_plan
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         },
     )
     if geometry == "parts":
-        plan = _with_envelopes(plan, shapes)
+        plan = with_envelopes(plan, shapes)
     _write(plan, packing, items, grid, arguments)
     if arguments.json:
         say_json(plan_to_json(plan))
@@ -165,15 +165,6 @@ def _packed(planner: Planner, sequence: Sequence[str], shelf: Shelf, box: Contai
         return planner.pack(sequence, shelf.prepared, box)
     finally:
         end_planning(planner)
-
-
-def _with_envelopes(plan: Plan, shapes: Mapping[str, Item]) -> Plan:
-    """The plan with the hash of every item's envelope."""
-    records = {
-        name: EnvelopeRecord(**asdict(mesh), envelope_sha256=shapes[name].sha256)
-        for name, mesh in plan.meshes.items()
-    }
-    return replace(plan, meshes={**records})
 
 
 def _write(

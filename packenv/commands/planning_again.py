@@ -68,8 +68,7 @@ class Again:
         """Carry the plan out in closed loop."""
         from packenv.closed_loop import run_closed_loop
 
-        plan = self._plan
-        start = Packing(plan.container, plan.placements, plan.leftovers, (), 0.0)
+        start = Packing.of_plan(self._plan)
         try:
             return run_closed_loop(
                 self._planner, start, session, self._items, self._prepared, self._physics, disturbance

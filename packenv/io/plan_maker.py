@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from packenv.config import GridConfig
+from packenv.io.plans import EnvelopeRecord
 from packenv.planning.packing import Packing
 from packenv.types import Item, MeshRecord, OrderLine, Plan
 
@@ -54,3 +55,17 @@ def make_plan(
             for name, item in items.items()
         },
     )
+
+
+def with_envelopes(plan: Plan, shapes: Mapping[str, Item]) -> Plan:
+    """The plan with the hash of every item's envelope, for plans on convex parts.
+
+    Args:
+        plan: the plan.
+        shapes: every item of the order by name, as its envelope.
+    """
+    records = {
+        name: EnvelopeRecord(**asdict(mesh), envelope_sha256=shapes[name].sha256)
+        for name, mesh in plan.meshes.items()
+    }
+    return replace(plan, meshes={**records})

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from packenv.planning.container_map import ContainerMap
-from packenv.types import Container, Leftover, Placement
+from packenv.types import Container, Leftover, Placement, Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Packing:
         container: the box.
         placements: in packing sequence.
         leftovers: what did not fit, and why.
-        surfaces: the container heightmap after each placement.
+        surfaces: the container heightmap after each placement; empty where they are not known.
         utilization: volume of the placed items as a share of the container's.
         makeshift: items that were placed by a risky tier.
         risk: sum of the risks of the tiers that placed them.
@@ -43,6 +43,12 @@ class Packing:
     utilization: float
     makeshift: tuple[str, ...] = ()
     risk: float = 0.0
+
+    @classmethod
+    def of_plan(cls, plan: Plan) -> Packing:
+        """The packing that a plan tells of; heightmaps are not known."""
+        volume = sum(plan.meshes[p.item].volume for p in plan.placements)
+        return cls(plan.container, plan.placements, plan.leftovers, (), volume / plan.container.volume)
 
     @property
     def complete(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, TypeAlias
@@ -26,6 +26,13 @@ OUT = 0.002
 DISPLACED = 0.01
 """An item whose centre of mass is farther than this from where it was planned is displaced, m."""
 
+FEEL = 0.0005
+"""Depth at which a robot that feels contacts does, m."""
+RETRIES = 24
+"""How often it then tries beside its place."""
+CAREFULLY = 0.25
+"""Its largest speed, m/s."""
+
 
 @dataclass(frozen=True)
 class ExecutionConfig:
@@ -38,6 +45,12 @@ class ExecutionConfig:
 
     world: WorldConfig = field(default_factory=WorldConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+
+
+def feeling(config: ExecutionConfig) -> ExecutionConfig:
+    """The same settings with guarded moves: the robot feels contacts on its way down, and tries beside."""
+    profile = replace(config.motion.profile, speed=CAREFULLY)
+    return replace(config, motion=replace(config.motion, profile=profile, feel=FEEL, retries=RETRIES))
 
 
 @dataclass(frozen=True, eq=False)

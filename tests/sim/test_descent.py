@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from packenv.closed_loop import feeling
 from packenv.io.assets import assets_dir
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
-from packenv.sim.session import Execution, ExecutionConfig, Session
+from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
 from packenv.sim.world import Touch
 from tests.sim.bodies import BOX, brick, by_hand, by_robot
 

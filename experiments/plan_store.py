@@ -1,0 +1,90 @@
+"""Plans of random orders, kept as plan files: what one experiment planned, the others carry out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.physics_shelf import PhysicsShelf
+from packenv import __version__
+from packenv.config import GridConfig
+from packenv.io.plan_maker import make_plan, with_envelopes
+from packenv.io.plans import read_plan, write_plan
+from packenv.io.rows import row_key
+from packenv.physics_planning import make_planner
+from packenv.planning.assembly import PlannerChoice
+from packenv.planning.packer import Planner, by_box_volume
+from packenv.sim.world import WorldConfig
+from packenv.types import Container, OrderLine, Plan
+
+
+@dataclass(frozen=True, eq=False)
+class StoredPlan:
+    """A plan, and what it took.
+
+    Attributes:
+        plan: as it was read back from its file.
+        cpu_s: CPU-seconds that planning took when it was made.
+    """
+
+    plan: Plan
+    cpu_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlanStore:
+    """A folder of plan files, one for each order and way of planning; made where one is missing.
+
+    Every plan goes through its file, the one that was just made as well: what is carried out is what a user
+    would carry out.
+
+    Attributes:
+        folder: where the files are.
+        catalogue: the user's name for the catalogue.
+        shelf: its items.
+        box: the container.
+        grid: the discretization that the shelf was made with.
+        world: of the planner's scratch world.
+    """
+
+    folder: Path
+    catalogue: str
+    shelf: PhysicsShelf
+    box: Container
+    grid: GridConfig
+    world: WorldConfig
+
+    def planner(self, choice: PlannerChoice) -> Planner:
+        """The planner of a choice, for this container."""
+        return make_planner(choice, self.shelf.plan, self.box, self.grid, self.shelf.physics, self.world)
+
+    def plan(self, order: Sequence[str], choice: PlannerChoice) -> StoredPlan:
+        """Read the plan of an order, or make and keep it.
+
+        Args:
+            order: item names, each once.
+            choice: how to plan.
+        """
+        meshes = tuple(self.shelf.plan.meshes[name].sha256[:16] for name in order)
+        key = row_key(__version__, self.grid, self.box, self.world, choice, tuple(order), meshes)
+        path = self.folder / f"{key}.json"
+        if not path.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_plan(path, self._made(order, choice))
+        plan = read_plan(path)
+        return StoredPlan(plan, float(plan.metrics["plan_cpu_s"]))
+
+    def _made(self, order: Sequence[str], choice: PlannerChoice) -> Plan:
+        start = time.process_time()
+        prepared = self.shelf.plan.prepared
+        packing = self.planner(choice).pack(by_box_volume(order, prepared), prepared, self.box)
+        seconds = time.process_time() - start
+        settings: dict[str, Any] = {**asdict(choice), "geometry": "parts", "sequence": "volume"}
+        items = {name: self.shelf.items[name] for name in order}
+        lines = tuple(OrderLine(name, 1) for name in order)
+        plan = make_plan(packing, lines, items, self.grid, catalogue=self.catalogue, settings=settings)
+        plan = with_envelopes(plan, {name: self.shelf.plan.meshes[name] for name in order})
+        return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})
