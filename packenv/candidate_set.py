@@ -12,6 +12,7 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.packing import Pile
 from packenv.planning.scores import HEURISTICS
+from packenv.planning.turns import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
 _TILES = 4
@@ -190,7 +191,7 @@ def _chosen(
     """Indices of the set, without doubles."""
     total, columns = scores.shape
     kept: dict[int, None] = {}
-    walks = [_best_first(scores[:, column], max(max_checked, size)) for column in range(columns)]
+    walks = [ranked(scores[:, column], max(max_checked, size)) for column in range(columns)]
     after = []
     for walk in walks:
         first = next((k for k, index in enumerate(walk[:max_checked].tolist()) if asker.passes(index)), None)
@@ -211,15 +212,6 @@ def _chosen(
             break
         kept[index] = None
     return list(kept)
-
-
-def _best_first(scores: FloatArray, most: int) -> IntArray:
-    """Indices of the ``most`` best candidates; equal scores keep the candidates' order."""
-    n = min(most, len(scores))
-    bound = np.partition(scores, n - 1)[n - 1]
-    best = np.flatnonzero(scores <= bound)
-    order: IntArray = best[np.argsort(scores[best], kind="stable")][:n]
-    return order
 
 
 def _in_turn(walks: Sequence[IntArray]) -> Iterator[int]:

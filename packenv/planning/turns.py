@@ -48,7 +48,7 @@ def in_tier(
     if not len(free):
         return []
     if tier.each is None:
-        return [int(free[k]) for k in ranked(scores[free], most)]
+        return [int(k) for k in free[ranked(scores[free], most)]]
     left = free[np.argsort(scores[free], kind="stable")]
     grids = candidates.grid_index[left]
     # The place of each candidate among those of its orientation.
@@ -59,15 +59,15 @@ def in_tier(
     return [int(k) for k in left[place < tier.each][:most]]
 
 
-def ranked(scores: FloatArray, most: int) -> Sequence[int]:
+def ranked(scores: FloatArray, most: int) -> IntArray:
     """Indices of the ``most`` best candidates, best first; equal scores keep the candidates' order."""
     if most == 1:
-        return [int(np.argmin(scores))]
+        return np.array([np.argmin(scores)])
     n = min(most, len(scores))
     bound = np.partition(scores, n - 1)[n - 1]
     best = np.flatnonzero(scores <= bound)
-    order = best[np.argsort(scores[best], kind="stable")][:n]
-    return [int(k) for k in order]
+    order: IntArray = best[np.argsort(scores[best], kind="stable")][:n]
+    return order
 
 
 def still_open(
