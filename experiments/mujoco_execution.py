@@ -118,8 +118,7 @@ class _Run:
     def _out(self, final: Sequence[Pose]) -> tuple[Cause, str] | None:
         for k, pose in enumerate(final):
             item = self._tasks[k].item
-            low, high = item.bounds(*pose)
-            over = max(float((-low).max()), float((high - np.array(self._container.size)).max()))
+            over = item.beyond(self._container, *pose)
             if over > OUT:
                 cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
                 return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"

@@ -82,7 +82,7 @@ class PhysicalArrangement:
     def close(self) -> None:
         """Free the engine's memory."""
         if self._session is not None:
-            self._session.world.close()
+            self._session.close()
             self._session = None
 
     def _measured(self, resting: Sequence[Resting]) -> Pile:
@@ -98,9 +98,10 @@ class PhysicalArrangement:
         size = np.array(self._container.size)
         over, lost = set(), set()
         for k, part in enumerate(resting):
-            low, high = self._shelf.physics(part.item.name).bounds(part.rotation, part.position)
-            if max(float((-low).max()), float((high - size).max())) > OUT:
+            item = self._shelf.physics(part.item.name)
+            if item.beyond(self._container, part.rotation, part.position) > OUT:
                 over.add(k)
+            low, high = item.bounds(part.rotation, part.position)
             if (high < 0.0).any() or (low[:2] > size[:2]).any():
                 lost.add(k)
         return over, lost

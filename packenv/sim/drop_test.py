@@ -194,9 +194,7 @@ class DropTest:
         return "restless", world.time - began
 
     def _inside(self, item: PhysicsItem, pose: Pose) -> bool:
-        low, high = item.bounds(*pose)
-        size = np.array(self._world.container.size)
-        return bool((low > -_SEATED).all() and (high < size + _SEATED).all())
+        return item.beyond(self._world.container, *pose) < _SEATED
 
     def _nudge(self, pile: Sequence[Lying]) -> float:
         moved = 0.0

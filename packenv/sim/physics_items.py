@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.types import FloatArray, Item
+from packenv.types import Container, FloatArray, Item
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +95,8 @@ class PhysicsItem:
             return centre - self.radius, centre + self.radius
         points = np.concatenate(self.parts) @ turned.T + at
         return points.min(axis=0), points.max(axis=0)
+
+    def beyond(self, container: Container, rotation: FloatArray, position: FloatArray) -> float:
+        """How far the item sticks out of a container at a pose of the mesh frame, m; negative inside."""
+        low, high = self.bounds(rotation, position)
+        return max(float((-low).max()), float((high - np.array(container.size)).max()))

@@ -10,7 +10,6 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -23,6 +22,7 @@ from packenv.robot.cell import Cell
 from packenv.robot.shapes import PRIMITIVES
 from packenv.robot.urdf import urdf_text
 from packenv.sim.backdrop import Standing, View, backdrop
+from packenv.sim.closing import Closing
 from packenv.sim.quiet import engine_muted
 from packenv.sim.view_meshes import view_mesh
 from packenv.types import Container, FloatArray, Item
@@ -45,7 +45,7 @@ _MOST_SHAPES = 256
 """Bullet never forgets a shape; with more than this the scene is built anew."""
 
 
-class Renderer:
+class Renderer(Closing):
     """Draws packings. Close it, or use it in a ``with`` statement.
 
     The camera looks from the container's far right corner above the rim toward the robot. The two walls on
@@ -92,19 +92,6 @@ class Renderer:
         self._backdrop = np.empty((0, 0, 3), dtype=np.uint8)
         self._shapes: dict[str, int] = {}
         self._shown: list[tuple[str, int]] = []
-
-    def __enter__(self) -> Renderer:
-        """This renderer."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
 
     def close(self) -> None:
         """Free the engine; twice is fine, and a renderer that is forgotten is closed too."""

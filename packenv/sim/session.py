@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from packenv.geometry.transforms import angle_between
 from packenv.robot.cell import Cell
+from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
 from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
@@ -109,7 +109,7 @@ class Execution:
     simulated_s: float
 
 
-class Session:
+class Session(Closing):
     """A container, a robot and the items placed so far. Close it, or use it in a ``with`` statement."""
 
     def __init__(
@@ -138,17 +138,8 @@ class Session:
         self._bodies: list[int] = []
         self._collision: tuple[Cause, str] | None = None
 
-    def __enter__(self) -> Session:
-        """This session."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
+    def close(self) -> None:
+        """Free the engine's memory."""
         self.world.close()
 
     @property
@@ -241,8 +232,7 @@ class Session:
         for k, (body, (rotation, position)) in enumerate(zip(self._bodies, final, strict=True)):
             item = self.world.item_of(body)
             assert item is not None
-            low, high = item.bounds(rotation, position)
-            over = max(float((-low).max()), float((high - np.array(self.container.size)).max()))
+            over = item.beyond(self.container, rotation, position)
             if over > OUT:
                 cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
                 return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"

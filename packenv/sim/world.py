@@ -16,13 +16,13 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 import pybullet
 
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
+from packenv.sim.closing import Closing
 from packenv.sim.physics_items import PhysicsItem
 from packenv.types import Container, FloatArray
 
@@ -74,7 +74,7 @@ class Touch:
     normal: FloatArray
 
 
-class World:
+class World(Closing):
     """Floor, walls and items under gravity. Close it, or use it in a ``with`` statement."""
 
     def __init__(self, container: Container, config: WorldConfig | None = None, *, gui: bool = False) -> None:
@@ -113,19 +113,6 @@ class World:
         }
         if gui:
             self._arrange_window()
-
-    def __enter__(self) -> World:
-        """This world."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
 
     def close(self) -> None:
         """Free the engine's memory; twice is fine, and a world that is forgotten is closed too."""
