@@ -7,7 +7,6 @@ run that was stopped goes on where it was. Exit codes: 0 done, 1 an episode fail
 from __future__ import annotations
 
 import argparse
-import io
 import json
 import os
 import sys
@@ -17,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agents.registry import NAMES, check_name
-from packenv.errors import InputError, RobotPackError
+from packenv.commands.reporting import reported
+from packenv.errors import InputError
 
 if TYPE_CHECKING:
     from agents.running import EpisodeJob, EpisodeRecord, FailedEpisode, Setting
@@ -36,26 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # One thread a process, before any library reads this: more of them only get into each other's way, and
     # sums in another sequence could tip a learned policy's choice.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    try:
-        if isinstance(sys.stdout, io.TextIOWrapper):
-            sys.stdout.reconfigure(errors="replace")  # a terminal without ± shall not end the run
-        code = _run(arguments)
-        sys.stdout.flush()
-        return code
-    except RobotPackError as problem:
-        print(f"agents: {problem}", file=sys.stderr)  # noqa: T201
-        return 2
-    except BrokenPipeError:
-        # The reader of our output has gone (`... | head`); say nothing more, not even at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
-    except OSError as problem:
-        where = "standard output" if problem.filename is None else problem.filename
-        print(f"agents: {where}: {problem.strerror}", file=sys.stderr)  # noqa: T201
-        return 2
-    except KeyboardInterrupt:
-        print("agents: stopped", file=sys.stderr)  # noqa: T201
-        return 130
+    return reported("agents", lambda: _run(arguments))
 
 
 def read_document(text: str, option: str) -> dict[str, object]:

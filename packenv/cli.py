@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import io
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from packenv import __version__
-from packenv.errors import RobotPackError
+from packenv.commands.reporting import reported
 
 HEURISTIC_NAMES = ("hm", "dblf", "mta", "minz", "first-fit", "random")
 UNIT_NAMES = ("m", "cm", "mm", "in")
@@ -30,36 +28,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = _parser().parse_args(argv)
-    try:
-        _print_what_the_terminal_can()
-        command = importlib.import_module(f"packenv.commands.{arguments.module}")
-        code: int = command.run(arguments)
-        sys.stdout.flush()
-    except RobotPackError as problem:
-        print(f"robotpack: {problem}", file=sys.stderr)  # noqa: T201
-        return 2
-    except KeyboardInterrupt:
-        print("robotpack: stopped", file=sys.stderr)  # noqa: T201
-        return 130
-    except BrokenPipeError:
-        # The reader of our output has gone (`robotpack ... | head`); say nothing more, not even at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
-    except OSError as problem:
-        # Files name themselves in errors of their own; what is left is the output, or a path that the
-        # system refuses before it is opened: too long, or in a folder that may not be entered.
-        where = problem.filename if problem.filename is not None else "standard output"
-        print(f"robotpack: {where}: {problem.strerror}", file=sys.stderr)  # noqa: T201
-        return 2
-    return code
 
+    def work() -> int:
+        code: int = importlib.import_module(f"packenv.commands.{arguments.module}").run(arguments)
+        return code
 
-def _print_what_the_terminal_can() -> None:
-    """Replace what standard output cannot encode (°, ³) instead of failing; refuse a closed one."""
-    if sys.stdout is None:
-        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
-    elif isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
+    return reported("robotpack", work)
 
 
 def _parser() -> argparse.ArgumentParser:

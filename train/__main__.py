@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.__main__ import read_document
-from packenv.errors import InputError, RobotPackError
+from packenv.commands.reporting import reported
+from packenv.errors import InputError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,20 +28,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = _parser().parse_args(argv)
-    try:
-        _run(arguments)
-    except RobotPackError as problem:
-        sys.stderr.write(f"train: {problem}\n")
-        return 2
-    except (EOFError, ConnectionError):
-        # What SubprocVecEnv raises when the other end of a pipe has gone.
-        again = f"--resume --out {arguments.out} goes on from the last checkpoint"
-        sys.stderr.write(f"train: an environment's process died, for want of memory perhaps; {again}\n")
-        return 1
-    except KeyboardInterrupt:
-        sys.stderr.write(f"train: stopped; --resume --out {arguments.out} goes on from the last checkpoint\n")
-        return 130
-    return 0
+    again = f"--resume --out {arguments.out} goes on from the last checkpoint"
+
+    def work() -> int:
+        try:
+            _run(arguments)
+        except (EOFError, ConnectionError):
+            # What SubprocVecEnv raises when the other end of a pipe has gone.
+            sys.stderr.write(f"train: an environment's process died, for want of memory perhaps; {again}\n")
+            return 1
+        return 0
+
+    return reported("train", work, stopped=f"stopped; {again}")
 
 
 def _parser() -> argparse.ArgumentParser:
