@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import ConvexParts
+from packenv.io.assets import assets_dir
 from packenv.robot.cell import Cell
 from packenv.robot.tx90 import continuous_branches
 from packenv.sim.descent import PlacementTask
 from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.session import Execution, ExecutionConfig, Session
+from packenv.sim.world import World
 from packenv.types import Container, Item
 from tests import shapes
 
 BOX = Container(0.32, 0.32, 0.30)
+URDF = assets_dir() / "robot" / "tx90.urdf"
 
 
 def convex(item: Item) -> PhysicsItem:
@@ -54,3 +60,25 @@ def by_robot(
     )
     heights = path[:, 2, 3] - path[-1, 2, 3]
     return PlacementTask(item, np.eye(3), np.array(corner), continuous_branches(path).q[0], heights)
+
+
+def slipped(x: float, y: float) -> np.ndarray:
+    """An item that is off in the cup by so much."""
+    slip = np.eye(4)
+    slip[:2, 3] = x, y
+    return slip
+
+
+def carried_out(
+    tasks: Sequence[PlacementTask],
+    config: ExecutionConfig | None = None,
+    watch: Callable[[World], None] | None = None,
+) -> Execution:
+    """Tasks in physics, up to a collision."""
+    urdf = URDF if any(task.joints is not None for task in tasks) else None
+    with Session(Cell.beside(BOX), config or ExecutionConfig(), urdf, watch=watch) as session:
+        for task in tasks:
+            session.place(task)
+            if session.failed:
+                break
+        return session.result()

@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from packenv.io.assets import assets_dir
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
-from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
+from packenv.sim.session import ExecutionConfig, feeling
 from packenv.sim.world import Touch
-from tests.sim.bodies import BOX, brick, by_hand, by_robot
+from tests.sim.bodies import BOX, brick, by_hand, by_robot, carried_out, slipped
 
-URDF = assets_dir() / "robot" / "tx90.urdf"
 SIZE = (0.10, 0.08, 0.05)
-
-
-def carried_out(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> Execution:
-    urdf = URDF if any(task.joints is not None for task in tasks) else None
-    with Session(Cell.beside(BOX), config, urdf) as session:
-        for task in tasks:
-            session.place(task)
-            if session.failed:
-                break
-        return session.result()
-
-
-def slipped(x: float, y: float) -> np.ndarray:
-    slip = np.eye(4)
-    slip[:2, 3] = x, y
-    return slip
 
 
 @pytest.mark.parametrize("slip", [(-0.005, 0.0), (0.0, -0.004), (-0.004, -0.004)])

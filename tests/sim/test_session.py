@@ -2,41 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 import pytest
 
-from packenv.io.assets import assets_dir
-from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder
-from packenv.sim.descent import PlacementTask, Profile
+from packenv.sim.descent import Profile
 from packenv.sim.placing import MotionConfig
-from packenv.sim.session import Execution, ExecutionConfig, Session
-from packenv.sim.world import World
-from tests.sim.bodies import BOX, ball, brick, by_hand, by_robot
-
-URDF = assets_dir() / "robot" / "tx90.urdf"
-
-
-def carried_out(
-    tasks: Sequence[PlacementTask],
-    config: ExecutionConfig | None = None,
-    watch: Callable[[World], None] | None = None,
-) -> Execution:
-    urdf = URDF if any(task.joints is not None for task in tasks) else None
-    with Session(Cell.beside(BOX), config or ExecutionConfig(), urdf, watch=watch) as session:
-        for task in tasks:
-            session.place(task)
-            if session.failed:
-                break
-        return session.result()
-
-
-def shifted(x: float, y: float) -> np.ndarray:
-    slip = np.eye(4)
-    slip[:2, 3] = x, y
-    return slip
+from packenv.sim.session import ExecutionConfig
+from tests.sim.bodies import BOX, ball, brick, by_hand, by_robot, carried_out, slipped
 
 
 def test_a_box_falls_the_centimetre_from_the_release() -> None:
@@ -58,7 +31,7 @@ def test_gentle_lowering_leaves_nothing_to_fall() -> None:
 
 
 def test_a_grasp_that_slipped_is_measured_as_shift() -> None:
-    (outcome,) = carried_out([by_hand(brick(), (0.1, 0.1, 0.0), shifted(0.006, -0.008))]).items
+    (outcome,) = carried_out([by_hand(brick(), (0.1, 0.1, 0.0), slipped(0.006, -0.008))]).items
     assert outcome.shift_m == pytest.approx(0.01, abs=3e-4)
 
 
@@ -93,7 +66,7 @@ def test_an_item_beside_another_does_not_collide() -> None:
 
 
 def test_an_item_that_left_its_place_is_to_blame_for_a_collision() -> None:
-    away = by_hand(brick(name="first"), (0.02, 0.1, 0.0), shifted(0.03, 0.0))
+    away = by_hand(brick(name="first"), (0.02, 0.1, 0.0), slipped(0.03, 0.0))
     done = carried_out([away, by_hand(brick(name="second"), (0.13, 0.1, 0.0))])
     assert (done.success, done.cause) == (False, "item-displaced")
     assert "second met first, which had left its place" in done.detail
@@ -108,7 +81,7 @@ def test_the_robot_s_gripper_is_watched_as_well() -> None:
 
 
 def test_a_ball_without_hollow_rolls_no_farther_than_a_wall() -> None:
-    done = carried_out([by_hand(ball(), (0.16, 0.16, 0.04), shifted(0.0, 0.0))])
+    done = carried_out([by_hand(ball(), (0.16, 0.16, 0.04), slipped(0.0, 0.0))])
     low, high = done.final[0][1] - 0.04, done.final[0][1] + 0.04
     assert low.min() > -2e-3
     assert (high < np.array(BOX.size) + 2e-3).all()
