@@ -143,6 +143,24 @@ def test_options_reach_the_physics(folder: Path, capsys: pytest.CaptureFixture[s
     assert (nominal["disturbance"], one["disturbance"]["seed"]) == (None, 1)
 
 
+def test_guarded_moves_are_for_the_open_loop_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A book that hangs 4 mm off meets the wall: a blind robot stops there, one that feels gets beside it."""
+
+    def into_the_wall(plan: dict[str, Any]) -> None:
+        for key in ("position", "corner"):
+            plan["steps"][0][key][0] -= 0.004
+
+    path = edited(folder, into_the_wall, "overlap")
+    capsys.readouterr()
+    assert execute(path, "--json") == 1
+    assert json.loads(capsys.readouterr().out)["cause"] == "collision"
+    assert execute(path, "--feel", "--json") == 0
+    felt = json.loads(capsys.readouterr().out)
+    assert (felt["loop"], felt["placed"]) == ("open", 3)
+    assert felt["config"]["motion"]["feel"] == 0.0005
+    assert felt["items"][0]["deepest_m"] < 0.002
+
+
 def test_a_closed_loop_plans_again_where_items_are_not_where_they_should_be(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

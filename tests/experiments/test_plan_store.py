@@ -1,0 +1,105 @@
+"""Plans that experiments share: made once, kept as files that a user can carry out."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from typing import Any
+
+import pytest
+import trimesh
+
+from benchmarks.physics_shelf import load_physics_shelf
+from experiments import execution
+from experiments.plan_store import PlanStore
+from packenv.cli import main
+from packenv.config import GridConfig
+from packenv.io.plans import plan_to_json
+from packenv.planning.assembly import PlannerChoice
+from packenv.sim.world import WorldConfig
+from packenv.types import Container
+
+GRID = GridConfig()
+ORDER = ("brick", "book", "can")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> PlanStore:
+    """An empty store of plans of three items."""
+    folder = tmp_path_factory.mktemp("store")
+    trimesh.creation.box((0.08, 0.06, 0.04)).export(folder / "brick.ply")
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(folder / "book.ply")
+    trimesh.creation.cylinder(0.02, 0.06, sections=24).export(folder / "can.ply")
+    catalogue = str(folder)
+    shelf = load_physics_shelf(catalogue, GRID)
+    return PlanStore(folder / "plans", catalogue, shelf, Container(0.2, 0.2, 0.12), GRID, WorldConfig())
+
+
+def test_a_plan_is_made_once_and_read_from_then_on(store: PlanStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = store.plan(ORDER, PlannerChoice())
+    assert first.plan.complete
+    assert first.cpu_s > 0.0
+
+    def never(*_: object) -> None:
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr(PlanStore, "planner", never)
+    again = store.plan(ORDER, PlannerChoice())
+    assert plan_to_json(again.plan) == plan_to_json(first.plan)
+    assert again.cpu_s == first.cpu_s
+    for other in (PlannerChoice(clearance=0.01), PlannerChoice(seed=1)):
+        with pytest.raises(AssertionError, match="planned again"):
+            store.plan(ORDER, other)
+    with pytest.raises(AssertionError, match="planned again"):
+        store.plan(ORDER[::-1], PlannerChoice())
+
+
+def test_a_stored_plan_is_one_that_users_can_check_and_carry_out(
+    store: PlanStore, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store.plan(ORDER, PlannerChoice(heuristic="dblf"))
+    path = max(store.folder.glob("*.json"), key=lambda p: p.stat().st_mtime_ns)
+    assert main(["verify", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["execute", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["placed"] == 3
+
+
+def row(column: str, index: int, *, planned: bool = True, success: bool = True) -> dict[str, Any]:
+    """A row of experiments.execution."""
+    found = {
+        "success": success,
+        "cause": None if success else "collision",
+        "drop_m": [0.01, 0.03],
+        "shift_m": [0.0, 0.004],
+        "plans": 1,
+        "cpu_s": 2.0,
+    }
+    rest = {"nominal": found, "disturbed": found} if planned else {}
+    return {"column": column, "index": index, "planned": planned, "plan_cpu_s": 1.0, **rest}
+
+
+def test_columns_are_compared_on_the_orders_that_all_of_them_planned() -> None:
+    rows = [row("paper", 0), row("paper", 1, success=False), row("paper", 2), row("paper", 3, planned=False)]
+    rows += [row("physics", 0), row("physics", 1), row("physics", 2, planned=False), row("physics", 3)]
+    columns = execution.summarize(rows)
+    assert {name: c["n"] for name, c in columns.items()} == {"paper": 2, "physics": 2}
+    assert (columns["paper"]["success"], columns["physics"]["success"]) == (0.5, 1.0)
+    assert columns["paper"]["causes"] == {"collision": 1}
+    assert columns["paper"]["planned"] == 0.75
+    assert columns["paper"]["drop_cm"] == pytest.approx(2.0)
+    assert columns["paper"]["disturbed"]["shift_cm"] == pytest.approx(0.2)
+
+
+def test_no_rows_tell_nothing() -> None:
+    assert execution.summarize([]) == {}
+
+
+def test_jobs_take_every_order_in_every_column_and_no_plan_twice_at_once(store: PlanStore) -> None:
+    columns = [execution.COLUMNS[name] for name in ("physics", "guarded", "closed-loop")]
+    orders = [ORDER] * 20
+    jobs = list(execution.in_turn(columns, orders, store.shelf.plan))
+    assert {(job.column.name, job.index) for job in jobs} == {(c.name, k) for c in columns for k in range(20)}
+    assert len({job.key for job in jobs}) == len(jobs) == 60
+    for a, b in itertools.pairwise(jobs):
+        assert a.index != b.index
