@@ -166,7 +166,7 @@ class Artist:
 
 
 def _shape(vertices: FloatArray, faces: IntArray, colour: tuple[int, int, int]) -> _Shape:
-    from packenv.io.raster_render import corner_normals
+    from packenv.io.zbuffer_kernels import corner_normals
 
     whole = np.ascontiguousarray(faces, dtype=np.int64)
     return _Shape(vertices, whole, corner_normals(np.ascontiguousarray(vertices), whole, CREASE), colour)

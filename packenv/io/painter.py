@@ -47,7 +47,7 @@ class Surface:
     Attributes:
         vertices: (n, 3) container frame, m.
         faces: (m, 3) int64, counter-clockwise seen from outside.
-        normals: (m, 3, 3) float32 at the corners, as from ``raster_render.corner_normals``.
+        normals: (m, 3, 3) float32 at the corners, as from ``zbuffer_kernels.corner_normals``.
         colour: (red, green, blue), sRGB, 0 to 255.
         shadow: whether it throws one.
     """
@@ -174,18 +174,19 @@ def paint(
     Returns:
         (height, width, 3) sRGB.
     """
-    from packenv.io import raster_render as kernels
+    from packenv.io import shading_kernels as shading
+    from packenv.io import zbuffer_kernels as zbuffer
 
     samples, size = quality.samples, camera.size
     columns, rows = size[0] * samples, size[1] * samples
     nearness = np.zeros((rows, columns), dtype=np.float32)
-    owners = np.full((rows, columns), kernels.NOTHING, dtype=np.int16)
+    owners = np.full((rows, columns), zbuffer.NOTHING, dtype=np.int16)
     facing = np.zeros((rows, columns, 3), dtype=np.int16)
 
     def draw(vertices: FloatArray, faces: IntArray, normals: Float32Array, owner: int) -> None:
         points = camera.project(vertices)
         points[:, :2] *= samples
-        kernels.draw_faces(points, faces, normals, owner, nearness, owners, facing)
+        zbuffer.draw_faces(points, faces, normals, owner, nearness, owners, facing)
 
     for owner, surface in enumerate(surfaces):
         draw(surface.vertices, surface.faces, surface.normals, owner)
@@ -196,7 +197,7 @@ def paint(
         draw(corners, triangles, np.tile(np.array(normal, dtype=np.float32), (2, 3, 1)), len(surfaces))
 
     gap = 0.02 * max(container.size)
-    marks = kernels.mark_edges(nearness, owners, facing, gap, math.cos(math.radians(32.0)), samples // 2)
+    marks = shading.mark_edges(nearness, owners, facing, gap, math.cos(math.radians(32.0)), samples // 2)
     # The box has lines of its own, drawn below.
     marks[owners == len(surfaces)] = 0
     if around is None:
@@ -215,7 +216,7 @@ def paint(
         ]
     )
     colours = linear([*(surface.colour for surface in surfaces), _BOX_COLOUR])
-    picture = kernels.shade(
+    picture = shading.shade(
         nearness,
         owners,
         facing,
@@ -242,20 +243,20 @@ def paint(
     for first, second in _EDGES:
         behind = any(first in wall and second in wall for wall in filled)
         opacity = 1.0 if behind else _FRONT_EDGE_OPACITY
-        kernels.draw_line(picture, nearness, samples, ends[first], ends[second], width, line, opacity, 2e-3)
+        shading.draw_line(picture, nearness, samples, ends[first], ends[second], width, line, opacity, 2e-3)
     return _encode_srgb(picture)
 
 
 def silhouette(surface: Surface, camera: Camera) -> NDArray[np.bool_]:
     """Which pixels a surface would cover if nothing were before it: (height, width)."""
-    from packenv.io import raster_render as kernels
+    from packenv.io import zbuffer_kernels as zbuffer
 
     columns, rows = camera.size
     nearness = np.zeros((rows, columns), dtype=np.float32)
-    owners = np.full((rows, columns), kernels.NOTHING, dtype=np.int16)
+    owners = np.full((rows, columns), zbuffer.NOTHING, dtype=np.int16)
     facing = np.zeros((rows, columns, 3), dtype=np.int16)
     points = camera.project(surface.vertices)
-    kernels.draw_faces(points, surface.faces, surface.normals, 0, nearness, owners, facing)
+    zbuffer.draw_faces(points, surface.faces, surface.normals, 0, nearness, owners, facing)
     covered: NDArray[np.bool_] = owners == 0
     return covered
 
@@ -279,7 +280,7 @@ def _light_maps(
     Returns:
         (d, size, size) maps and (d, 3, 4) transforms from points to column, row and height, all in px.
     """
-    from packenv.io.raster_render import draw_light_map
+    from packenv.io.zbuffer_kernels import draw_light_map
 
     low, high = around.min(axis=0), around.max(axis=0)
     scale = (size - 2) / float(np.linalg.norm(high - low))

@@ -57,7 +57,7 @@ def render_image(
     Raises:
         ValueError: ``step``, ``size`` or ``elevation`` is out of range.
     """
-    from packenv.io.raster_render import corner_normals
+    from packenv.io.zbuffer_kernels import corner_normals
 
     shown = len(scene.steps) if step is None else step
     if not 0 <= shown <= len(scene.steps):
