@@ -165,7 +165,8 @@ def make_planner(
     Physics is asked in tiers. First what also stands by a margin on its own, for nearly all of that comes to
     rest in a drop; then the rest of what stands. An item that finds no place so waits until the others are
     placed, and may then come to rest a little off; if nothing helps, equilibrium alone decides, as without
-    physics.
+    physics. Where items are left over even so, the order is planned once more with equilibrium alone to
+    decide from the first item on.
 
     Args:
         choice: what the user chose.
@@ -209,5 +210,7 @@ def make_planner(
         tiers=first,
         # An order that does not fit with room to spare may fit without.
         bold=(*first, wary(0), tried(0, strict)) if roomy else None,
+        # Rather a risk than an order that is not packed: as the paper plans, but where physics has the items.
+        resort=(Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
         passes=(roomy, tight) if roomy else (tight,),
     )

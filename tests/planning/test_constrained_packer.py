@@ -28,6 +28,7 @@ from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
+from packenv.planning.turns import Tier
 from packenv.recheck import Recheck, recheck
 from packenv.types import Container, OrderLine, OrientedItem, Placement, Plan
 from tests.shapes import ball, box, cup, cylinder
@@ -468,6 +469,25 @@ def test_restarts_never_place_fewer(share: float, shelf: Shelf) -> None:
         pieces = [(p.item, p.instance) for p in (*packing.placements, *packing.leftovers)]
         assert len(set(pieces)) == len(pieces) == len(NAMES)
     assert placed == sorted(placed)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9, 0.99])
+def test_the_last_resort_is_for_orders_that_no_restart_completes(share: float, shelf: Shelf) -> None:
+    """And never places fewer: a judge that refuses many is asked in the tiers, one that refuses none last."""
+    strict, lax = Judge(by_lot(share)), Judge(yes)
+    usual, rare = (Tier(constraints=(strict,)),), (Tier(constraints=(lax,)),)
+    plans = [
+        planner(shelf, strict, tilting=False, tiers=usual, restarts=1, resort=resort)
+        for resort in (None, rare)
+    ]
+    without, resorting = (plan.pack(NAMES, shelf.prepared, BOX) for plan in plans)
+    assert len(resorting.placements) >= len(without.placements)
+    if without.complete:
+        assert not lax.asked
+        assert poses(resorting) == poses(without)
+    else:
+        alone = planner(shelf, Judge(yes), tilting=False).pack(NAMES, shelf.prepared, BOX)
+        assert poses(resorting) == poses(alone)
 
 
 def test_what_cannot_be_helped_is_not_tried_again(shelf: Shelf) -> None:
