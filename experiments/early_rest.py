@@ -39,8 +39,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.execution import BOX, CONFIG
-from experiments.planned_orders import PlanJob, figures, planned_row, run
+from experiments.execution import BOX, CONFIG, figures
+from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.io.assets import assets_dir
 from packenv.robot.cell import Cell

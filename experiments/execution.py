@@ -19,7 +19,7 @@ from typing import Any
 
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import load_physics_shelf
-from experiments.plan_store import PlanStore
+from experiments.plan_store import PlanStore, fingerprints
 from experiments.runs import finish
 from packenv import __version__
 from packenv.closed_loop import run_closed_loop
@@ -78,12 +78,12 @@ class Job:
     column: Column
     index: int
     order: tuple[str, ...]
-    meshes: tuple[str, ...]
+    items: tuple[str, ...]
 
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, CONFIG, self)
+        return row_key(__version__, GRID, CONFIG, feeling(CONFIG), Disturbance(self.index), self)
 
 
 _BLOCK = 8
@@ -91,12 +91,11 @@ _BLOCK = 8
 
 
 def in_turn(columns: Sequence[Column], orders: Sequence[Sequence[str]], shelf: Shelf) -> Iterator[Job]:
-    """The jobs, column by column in blocks of orders: so no two workers make one plan at the same time."""
+    """The jobs, column by column in blocks of orders: so two workers seldom make one plan at once."""
     for start in range(0, len(orders), _BLOCK):
         for column in columns:
             for index, order in enumerate(orders[start : start + _BLOCK], start=start):
-                meshes = tuple(shelf.meshes[name].sha256[:16] for name in order)
-                yield Job(column, index, tuple(order), meshes)
+                yield Job(column, index, tuple(order), fingerprints(shelf, order))
 
 
 class _Worker:
@@ -152,20 +151,22 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
         tasks = [task_of(p, shelf.physics[p.item], BOX) for p in plan.placements]
         execution = run_tasks(tasks, cell, config, urdf, disturbance)
     return {
-        **_figures(execution),
+        **figures(execution),
         "success": execution.success if success is None else success,
         "plans": plans,
         "cpu_s": time.process_time() - start,
     }
 
 
-def _figures(execution: Execution) -> dict[str, Any]:
+def figures(execution: Execution) -> dict[str, Any]:
+    """What a row keeps of an execution; of lengths only those of items that were released."""
+    released = [outcome for outcome in execution.items if not outcome.collided]
     return {
+        "success": execution.success,
         "cause": execution.cause,
         "detail": execution.detail,
-        "drop_m": [outcome.drop_m for outcome in execution.items],
-        "shift_m": [outcome.shift_m for outcome in execution.items],
-        "turned": [outcome.turned_rad for outcome in execution.items],
+        "drop_m": [outcome.drop_m for outcome in released],
+        "shift_m": [outcome.shift_m for outcome in released],
         "at_rest": all(outcome.at_rest for outcome in execution.items),
         "simulated_s": execution.simulated_s,
     }
@@ -193,16 +194,23 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return columns
 
 
+def mean_moves(executions: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """Mean drop and shift over all released items, cm; None where there are none."""
+    moves: dict[str, float | None] = {}
+    for name in ("drop", "shift"):
+        lengths = [length for found in executions for length in found[f"{name}_m"]]
+        moves[f"{name}_cm"] = 100.0 * statistics.mean(lengths) if lengths else None
+    return moves
+
+
 def _world(rows: Sequence[dict[str, Any]], world: str) -> dict[str, Any]:
     if not rows:
         return {"n": 0}
     found = [row[world] for row in rows]
-    drops, shifts = ([d for f in found for d in f[key]] for key in ("drop_m", "shift_m"))
     return {
         "success": statistics.mean(f["success"] for f in found),
         "n": len(found),
-        "drop_cm": 100.0 * statistics.mean(drops),
-        "shift_cm": 100.0 * statistics.mean(shifts),
+        **mean_moves(found),
         "causes": dict(Counter(f["cause"] or "left-over" for f in found if not f["success"])),
         "plans": statistics.mean(f["plans"] for f in found),
         "cpu_s_median": statistics.median(f["cpu_s"] for f in found),

@@ -15,10 +15,16 @@ from packenv.io.plan_maker import make_plan, with_envelopes
 from packenv.io.plans import read_plan, write_plan
 from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
-from packenv.planning.assembly import PlannerChoice
+from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, OrderLine, Plan
+
+
+def fingerprints(shelf: Shelf, order: Sequence[str]) -> tuple[str, ...]:
+    """What results depend on of each item of an order: its surface and its mass."""
+    items = (shelf.meshes[name] for name in order)
+    return tuple(f"{item.sha256[:16]} {item.mass!r}" for item in items)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +74,8 @@ class PlanStore:
             order: item names, each once.
             choice: how to plan.
         """
-        meshes = tuple(self.shelf.plan.meshes[name].sha256[:16] for name in order)
-        key = row_key(__version__, self.grid, self.box, self.world, choice, tuple(order), meshes)
+        items = fingerprints(self.shelf.plan, order)
+        key = row_key(__version__, self.grid, self.box, self.world, choice, tuple(order), items)
         path = self.folder / f"{key}.json"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)

@@ -16,13 +16,12 @@ from typing import Any
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import load_physics_shelf
 from experiments.execution import BOX, COLUMNS, CONFIG, GRID
-from experiments.plan_store import PlanStore
+from experiments.plan_store import PlanStore, fingerprints
 from experiments.runs import finish
 from packenv import __version__
 from packenv.io.rows import row_key
 from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import task_of
-from packenv.sim.session import Execution
 
 _TIMEOUT = 3600.0
 
@@ -36,14 +35,14 @@ class PlanJob:
         column: whose planner is asked.
         index: of the order.
         order: names of the items.
-        meshes: hashes of their meshes.
+        items: what the results depend on of each of them.
     """
 
     experiment: str
     column: str
     index: int
     order: tuple[str, ...]
-    meshes: tuple[str, ...]
+    items: tuple[str, ...]
 
     @property
     def key(self) -> str:
@@ -80,19 +79,6 @@ def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | Non
     return row, [task_of(p, physics[p.item], BOX) for p in stored.plan.placements]
 
 
-def figures(execution: Execution) -> dict[str, Any]:
-    """What a row keeps of an execution."""
-    return {
-        "success": execution.success,
-        "cause": execution.cause,
-        "detail": execution.detail,
-        "drop_m": [outcome.drop_m for outcome in execution.items],
-        "shift_m": [outcome.shift_m for outcome in execution.items],
-        "at_rest": all(outcome.at_rest for outcome in execution.items),
-        "simulated_s": execution.simulated_s,
-    }
-
-
 def run(
     work: Callable[[PlanJob], dict[str, Any]],
     summarize: Callable[[Sequence[dict[str, Any]]], dict[str, Any]],
@@ -116,13 +102,11 @@ def run(
         exit code: 1 where a job failed.
     """
     parser = argparse.ArgumentParser(description=description)
-    open_loop = [name for name, c in COLUMNS.items() if not c.closed]
+    blind = [name for name, c in COLUMNS.items() if not c.feel]
     parser.add_argument("--catalogue", default="builtin")
     parser.add_argument("--orders", type=int, default=orders)
     parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
-    parser.add_argument(
-        "--column", choices=open_loop, default=column, help="how to plan (default: %(default)s)"
-    )
+    parser.add_argument("--column", choices=blind, default=column, help="how to plan (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path(f"runs/{experiment.split()[0]}.jsonl"))
@@ -140,7 +124,7 @@ def run(
             arguments.column,
             index,
             tuple(order),
-            tuple(shelf.meshes[name].sha256[:16] for name in order),
+            fingerprints(shelf, order),
         )
         for index, order in enumerate(random_orders(names, arguments.items, arguments.orders, arguments.seed))
     ]

@@ -264,7 +264,7 @@ def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="in a world that is not quite as planned: other friction, masses, grasps and time step",
     )
     execute.add_argument(
-        "--seed", type=_seed, default=0, metavar="N", help="of the disturbances (default: %(default)s)"
+        "--seed", type=_seed, metavar="N", help="of the disturbances, with --disturb (default: 0)"
     )
     execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window")
     execute.add_argument("--out", type=Path, metavar="FILE", help="write the result (JSON)")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from packenv.geometry.heightmaps import orient_item
@@ -31,7 +31,7 @@ class ClosedLoopResult:
 
     Attributes:
         execution: in physics; its success needs every planned item placed.
-        placements: as they were planned last, in packing sequence.
+        placements: as they were planned last, in packing sequence; after a collision, more than were placed.
         leftovers: items for which the last plan found no place.
         plans: how often was planned, the first time included.
     """
@@ -55,7 +55,6 @@ def run_closed_loop(
     prepared: Mapping[str, PreparedItem],
     physics: Mapping[str, PhysicsItem],
     disturbance: Disturbance | None = None,
-    watch: Callable[[Packing], None] | None = None,
 ) -> ClosedLoopResult:
     """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
@@ -70,7 +69,6 @@ def run_closed_loop(
         prepared: the same, prepared.
         physics: the same, for physics.
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
-        watch: called with every new plan.
     """
     container, cell = session.container, planner.cell_size
     waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
@@ -97,10 +95,9 @@ def run_closed_loop(
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
         again = planner.pack(names, prepared, container, start)
         plans += 1
-        if watch is not None:
-            watch(again)
         waiting, leftovers = _expected(again, surface, meshes), again.leftovers
-    return ClosedLoopResult(session.result(), tuple(done), leftovers, plans)
+    rest = (placement for placement, _ in waiting)
+    return ClosedLoopResult(session.result(), (*done, *rest), leftovers, plans)
 
 
 def _expected(

@@ -166,7 +166,7 @@ def make_planner(
     rest in a drop; then the rest of what stands. An item that finds no place so waits until the others are
     placed, and may then come to rest a little off; if nothing helps, equilibrium alone decides, as without
     physics. Where items are left over even so, the order is planned once more with equilibrium alone to
-    decide from the first item on.
+    decide from the first item on, if restarts are allowed.
 
     Args:
         choice: what the user chose.

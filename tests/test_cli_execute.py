@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -15,6 +16,8 @@ import trimesh
 from PIL import Image
 
 from packenv.cli import main
+from packenv.sim.descent import PlacementTask
+from packenv.sim.session import ItemOutcome, Session
 from tests.conftest import REPO
 
 SIZE = "0.2x0.2x0.12"
@@ -93,9 +96,9 @@ def test_page_and_animation_are_written(folder: Path, tmp_path: Path) -> None:
 def test_every_process_measures_the_same_bits(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan = folder / "robot.json"
     texts = []
-    for options in ([], []):
+    for _ in range(2):
         capsys.readouterr()
-        assert execute(plan, "--json", "--disturb", "--seed", "3", *options) in (0, 1)
+        assert execute(plan, "--json", "--disturb", "--seed", "3") in (0, 1)
         texts.append(capsys.readouterr().out)
     command = [
         sys.executable,
@@ -141,6 +144,9 @@ def test_options_reach_the_physics(folder: Path, capsys: pytest.CaptureFixture[s
     one, other = (result("--disturb", "--seed", seed) for seed in ("1", "2"))
     assert len({r["items"][0]["final"]["position"][0] for r in (nominal, one, other)}) == 3
     assert (nominal["disturbance"], one["disturbance"]["seed"]) == (None, 1)
+    frictions = {r["disturbance"]["drawn_mu"] for r in (one, other)}
+    assert len(frictions) == 2
+    assert all(0.5 <= mu <= 0.9 for mu in frictions)
 
 
 def test_guarded_moves_are_for_the_open_loop_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -174,6 +180,27 @@ def test_a_closed_loop_plans_again_where_items_are_not_where_they_should_be(
     assert closed["items"][0]["planned"]["position"] == pytest.approx(plan["steps"][0]["position"])
     assert execute(folder / "robot.json", "--closed-loop") == 0
     assert "times" in capsys.readouterr().out
+
+
+def test_a_closed_loop_tells_of_every_item_after_a_collision(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As the open loop does: the same plan, the same items planned."""
+
+    def onto_the_first(plan: dict[str, Any]) -> None:
+        first, second = plan["steps"][:2]
+        for key in ("position", "corner"):
+            second[key][:2] = first[key][:2]
+
+    path = edited(folder, onto_the_first, "overlap")
+    counts = []
+    for options in ([], ["--closed-loop"]):
+        capsys.readouterr()
+        code = execute(path, "--json", *options)
+        result = json.loads(capsys.readouterr().out)
+        assert code == (0 if result["success"] else 1)
+        counts.append(result["planned"])
+    assert counts == [3, 3]
 
 
 def test_a_closed_loop_needs_the_planner_s_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -218,8 +245,16 @@ def short_path(plan: dict[str, Any]) -> None:
     plan["steps"][1]["details"]["manipulation"]["joints"] = [[0.0] * 6]
 
 
+def bent_path(plan: dict[str, Any]) -> None:
+    """The wrist is the other way round at one waypoint, where the tool is the same."""
+    joints = plan["steps"][1]["details"]["manipulation"]["joints"][1]
+    joints[3:] = [joints[3] + math.pi, -joints[4], joints[5] + math.pi]
+
+
 @pytest.mark.parametrize(
-    ("edit", "word"), [(no_steps, "places no item"), (short_path, "tells no path")], ids=["empty", "short"]
+    ("edit", "word"),
+    [(no_steps, "places no item"), (short_path, "tells no path"), (bent_path, "do not lie on one branch")],
+    ids=["empty", "short", "bent"],
 )
 def test_a_plan_that_cannot_be_carried_out_is_refused(
     edit: Callable[[dict[str, Any]], None], word: str, folder: Path, capsys: pytest.CaptureFixture[str]
@@ -227,6 +262,37 @@ def test_a_plan_that_cannot_be_carried_out_is_refused(
     path = edited(folder, edit)
     capsys.readouterr()
     refused(capsys, execute(path), word, "edited.json")
+
+
+def test_a_closed_loop_needs_placements_in_the_container(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = edited(folder, lambda plan: plan["steps"][0]["position"].__setitem__(0, -0.1))
+    capsys.readouterr()
+    refused(capsys, execute(path, "--closed-loop"), "edited.json", "step 1", "not inside")
+
+
+def test_a_seed_needs_a_disturbance(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    refused(capsys, execute(folder / "robot.json", "--seed", "3"), "--seed 3", "--disturb")
+
+
+def test_a_window_that_is_closed_ends_the_execution(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The user closes it while the second item is placed; there is no window here, but its engine goes."""
+    place = Session.place
+
+    def closing(self: Session, task: PlacementTask) -> ItemOutcome:
+        if self.measured():
+            self.close()
+        return place(self, task)
+
+    monkeypatch.setattr(Session, "place", closing)
+    capsys.readouterr()
+    code = execute(folder / "overlap.json")
+    assert code == 2
+    assert "the window was closed" in capsys.readouterr().err
 
 
 def test_wrong_files_are_refused_before_any_work(

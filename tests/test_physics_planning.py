@@ -147,6 +147,7 @@ def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsIt
     assert slips[0] is not None
     assert np.array_equal(slips[0], slips[1])
     assert not np.array_equal(slips[0], Disturbance(6).task(tasks[0], 2).slip)
+    assert not np.array_equal(slips[0], one.task(tasks[0], 3).slip)
     assert 0.5 <= one.config(ExecutionConfig()).world.mu <= 0.9
     factor = one.task(tasks[0], 1).item.mass / tasks[0].item.mass
     assert 0.9 <= factor <= 1.1

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.commands.loading import (
     as_physics_items,
+    check_meshes,
     load_convex_parts,
     load_items,
     load_plan,
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from packenv.sim.world import World
 
 
+_LATE = 0.1
+"""How much time a window may make up by showing things faster than they are, s."""
+
 _BULGE = 0.001
 """Convex parts that reach further out of a mesh than this are remarked on, m."""
 
@@ -48,12 +52,16 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs(outputs, arguments.plan)
     if arguments.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
+    if arguments.seed is not None and not arguments.disturb:
+        raise InputError(f"--seed {arguments.seed}: is of the disturbances, give --disturb as well")
     plan, items = load_plan(arguments.plan, arguments.catalogue, arguments.unit)
     if not plan.placements:
         raise PlanError(f"{arguments.plan}: places no item, so there is nothing to execute")
     catalogue = plan_catalogue(plan, arguments.catalogue, arguments.unit)
     if arguments.closed_loop:
-        items |= load_items(catalogue, {left.item for left in plan.leftovers} - items.keys())
+        left_over = load_items(catalogue, {left.item for left in plan.leftovers} - items.keys())
+        check_meshes(plan, arguments.plan, left_over)
+        items |= left_over
     geometry = plan_geometry(plan, arguments.plan)
     parts = load_convex_parts(items, catalogue)
     if geometry == "mesh":
@@ -67,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     from packenv.sim.session import ExecutionConfig
 
     config = _config(ExecutionConfig(), arguments)
-    disturbance = Disturbance(arguments.seed) if arguments.disturb else None
+    disturbance = Disturbance(arguments.seed or 0) if arguments.disturb else None
     recorder = Recorder() if arguments.gif is not None else None
     carry_out = _open_loop(plan, tasks)
     if arguments.closed_loop:
@@ -172,12 +180,18 @@ def _carried(
     """Open a session, and carry a plan out in it."""
     from packenv.robot.cell import Cell
     from packenv.sim.session import Session
+    from packenv.sim.world import EngineError
 
     urdf = assets_dir() / "robot" / "tx90.urdf" if any(t.joints is not None for t in tasks) else None
     settings = config if disturbance is None else disturbance.config(config)
     watch: Callable[[World], None] | None = _at_real_speed(recorder) if gui else recorder
     with Session(Cell.beside(plan.container), settings, urdf, gui=gui, watch=watch) as session:
-        return carry_out(session, disturbance)
+        try:
+            return carry_out(session, disturbance)
+        except EngineError:
+            if session.world.open:
+                raise
+            raise InputError("--gui: the window was closed before the execution was done") from None
 
 
 def _open_loop(plan: Plan, tasks: Sequence[PlacementTask]) -> _CarryOut:
@@ -213,15 +227,15 @@ def _closed_loop(
 
 
 def _at_real_speed(recorder: Recorder | None) -> Callable[[World], None]:
-    """A watch that slows a simulation down to real time, for people."""
-    start: list[float] = []
+    """A watch that slows a simulation down to real time, for people; time lost in planning is not made up."""
+    start = -math.inf
 
     def watch(world: World) -> None:
         if recorder is not None:
             recorder(world)
-        if not start:
-            start.append(time.monotonic() - world.time)
-        time.sleep(max(0.0, start[0] + world.time - time.monotonic()))
+        nonlocal start
+        start = max(start, time.monotonic() - world.time - _LATE)
+        time.sleep(max(0.0, start + world.time - time.monotonic()))
 
     return watch
 
@@ -266,7 +280,9 @@ def _report(document: dict[str, Any], arguments: argparse.Namespace) -> None:
         lengths = (
             f", drop {document['drop_m'] * 100:.2f} cm, shift {document['shift_m'] * 100:.2f} cm on average"
         )
-    plans = "" if document["plans"] is None else f", planned {document['plans']} times"
+    plans = ""
+    if document["plans"] is not None:
+        plans = ", planned once" if document["plans"] == 1 else f", planned {document['plans']} times"
     say(f"{verdict}; {document['placed']} of {document['planned']} items placed{lengths}{plans}")
     for option in ("out", "gif", "html"):
         if (path := getattr(arguments, option)) is not None:

@@ -116,6 +116,16 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
         if name not in shelf:
             raise PlanError(f"{path}: item {name!r} is not in {shelf.label}, name its folder by --catalogue")
     items = {name: shelf.item(name) for name in names}
+    check_meshes(plan, path, items)
+    return plan, items
+
+
+def check_meshes(plan: Plan, path: Path, items: Mapping[str, Item]) -> None:
+    """Check that items are the meshes that a plan was made of.
+
+    Raises:
+        PlanError: one is not.
+    """
     for name, item in items.items():
         if item.sha256 != plan.meshes[name].sha256:
             raise PlanError(
@@ -123,7 +133,6 @@ def load_plan(path: Path, catalogue: str | None, unit: str | None) -> tuple[Plan
                 f"{item.sha256[:12]}, not {plan.meshes[name].sha256[:12]}), plan again or name its folder "
                 "by --catalogue"
             )
-    return plan, items
 
 
 def plan_catalogue(plan: Plan, catalogue: str | None, unit: str | None) -> Catalogue:

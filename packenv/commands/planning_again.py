@@ -14,6 +14,7 @@ from packenv.physics_planning import make_planner
 from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.packing import Packing
+from packenv.planning.replay import replay
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability_constraint import ContactRule
 from packenv.types import Item, Plan
@@ -55,23 +56,27 @@ class Again:
             config: of the world in which a plan with ``stability`` ``physics`` tries placements.
 
         Raises:
-            PlanError: the plan's settings are not those of a planner.
+            PlanError: the plan's settings are not those of a planner, or its placements not in the container.
         """
         choice, grid = planner_choice(plan, path), _grid(plan, path)
-        self._plan, self._items, self._physics = plan, items, physics
+        self._items, self._physics = items, physics
         self._prepared = prepare_items(items, grid)
         fields = load_fields(items) if choice.constraints != "overlap" else {}
         shelf = Shelf(items, self._prepared, fields)
+        try:
+            surfaces = replay(plan.placements, items, plan.container, grid.cell_size)
+        except ValueError as problem:
+            raise PlanError(f"{path}: {problem}, plan again") from None
+        self._start = Packing.of_plan(plan, surfaces)
         self._planner = make_planner(choice, shelf, plan.container, grid, physics, config.world)
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ClosedLoopResult:
         """Carry the plan out in closed loop."""
         from packenv.closed_loop import run_closed_loop
 
-        start = Packing.of_plan(self._plan)
         try:
             return run_closed_loop(
-                self._planner, start, session, self._items, self._prepared, self._physics, disturbance
+                self._planner, self._start, session, self._items, self._prepared, self._physics, disturbance
             )
         finally:
             end_planning(self._planner)

@@ -70,7 +70,7 @@ def execution_to_json(
         "simulated_s": execution.simulated_s,
         "items": items,
         "config": asdict(config),
-        "disturbance": None if disturbance is None else asdict(disturbance),
+        "disturbance": None if disturbance is None else _disturbance_to_json(disturbance, config),
     }
 
 
@@ -112,6 +112,11 @@ def _item_to_json(
         "measured": _pose_to_json(outcome.measured),
         "final": _pose_to_json(final),
     }
+
+
+def _disturbance_to_json(disturbance: Disturbance, config: ExecutionConfig) -> dict[str, Any]:
+    """Ranges, and the friction that was drawn from them."""
+    return {**asdict(disturbance), "drawn_mu": disturbance.config(config).world.mu}
 
 
 def _pose_to_json(pose: tuple[FloatArray, FloatArray]) -> dict[str, list[float]]:

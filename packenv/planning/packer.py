@@ -53,7 +53,7 @@ class Planner:
             packable candidate. The paper has one, without clearance.
         bold: the tiers of a restart of an incomplete packing, in place of ``tiers``; None takes those.
         resort: the tiers of one more plan, with restarts of its own, of the sequence as it was given, where
-            no restart has placed every item; None makes none.
+            no restart has placed every item; None, or no restarts, makes none.
         passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
@@ -299,7 +299,7 @@ class _Run:
                 surface = verdict.surface or surface
                 details[constraint.name] = dict(verdict.details)
             else:
-                if len(self.planner.tiers) > 1:
+                if len(self.planner.tiers) > 1 or tier.constraints is not None:
                     details["clearance_m"] = round(tier.clearance * self.planner.cell_size, 6)
                 placement = Placement(
                     item=name,

@@ -45,10 +45,10 @@ class Packing:
     risk: float = 0.0
 
     @classmethod
-    def of_plan(cls, plan: Plan) -> Packing:
-        """The packing that a plan tells of; heightmaps are not known."""
+    def of_plan(cls, plan: Plan, surfaces: tuple[ContainerMap, ...] = ()) -> Packing:
+        """The packing that a plan tells of, with heightmaps where they are known."""
         volume = sum(plan.meshes[p.item].volume for p in plan.placements)
-        return cls(plan.container, plan.placements, plan.leftovers, (), volume / plan.container.volume)
+        return cls(plan.container, plan.placements, plan.leftovers, surfaces, volume / plan.container.volume)
 
     @property
     def complete(self) -> bool:

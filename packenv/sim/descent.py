@@ -73,14 +73,12 @@ class Way:
     """Joints and held item at every time step of the way down.
 
     Attributes:
-        cell: container and robot.
         joints: (n, 6) rad; None where an ideal hand holds the item.
         poses: (n, 4, 4) of the held item's mesh frame in the container frame.
         release: index at which the cup lets go of an item that drops; what follows is the last bit to the
             place itself, for gentle lowering.
     """
 
-    cell: Cell
     joints: FloatArray | None
     poses: FloatArray
     release: int
@@ -100,11 +98,11 @@ class Way:
             lifts = np.concatenate([heights[0], *(h[1:] for h in heights[1:])])
             poses = np.repeat(mesh[None], len(lifts), axis=0)
             poses[:, 2, 3] += lifts - task.heights[-1]
-            return cls(cell, None, poses, len(heights[0]) - 1)
+            return cls(None, poses, len(heights[0]) - 1)
         joints = [_sampled(task.joints[part], profile, v, step) for part, v in parts]
         path = np.concatenate([joints[0], *(q[1:] for q in joints[1:])])
         hold = np.linalg.inv(_tools(cell, task.joints[-1:])[0]) @ mesh
-        return cls(cell, path, _tools(cell, path) @ hold, len(joints[0]) - 1)
+        return cls(path, _tools(cell, path) @ hold, len(joints[0]) - 1)
 
     def __len__(self) -> int:
         """Number of time steps, and one."""

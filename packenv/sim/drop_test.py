@@ -103,7 +103,7 @@ class DropTest:
         """Build floor and walls."""
         self._world = World(container, config)
         self._bodies: list[tuple[PhysicsItem, int]] = []
-        self._shows: tuple[Lying, ...] = ()
+        self._shows: tuple[Lying, ...] | None = None
 
     def close(self) -> None:
         """Free the engine's memory."""
@@ -149,7 +149,7 @@ class DropTest:
             self._shows = after
         else:
             world.remove(body)
-            self._shows = ()
+            self._shows = None
         return Dropped(
             reason,
             after,

@@ -178,7 +178,7 @@ def _let_go(
     watch: Callable[[], None] | None,
 ) -> Settled:
     """The item falls while the robot goes back; then wait for rest."""
-    rest = None if motion.rest is None else RestWatch(world, motion.rest)
+    rest = RestWatch(world, motion.rest or RestRule())
     at_rest = None
     start = world.time
     steps = round(motion.settle / world.config.time_step)
@@ -190,12 +190,14 @@ def _let_go(
             watch()
         if robot is not None and k < len(back) and guard.look(robot.overlaps(body)):
             return Settled(world.time - start, False)
-        if rest is not None and at_rest is None and rest.calm():
+        if at_rest is None and rest.calm() and motion.rest is not None:
             at_rest = world.time - start
             world.sleep()
         if at_rest is not None and k >= len(back):
             return Settled(at_rest, True)
-    return Settled(world.time - start, rest is None)
+    if at_rest is not None:
+        return Settled(at_rest, True)
+    return Settled(world.time - start, rest.rested)
 
 
 class _Guard:

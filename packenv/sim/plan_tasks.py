@@ -9,6 +9,7 @@ import numpy as np
 
 from packenv.errors import PlanError
 from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, Cell
+from packenv.robot.motion import refine
 from packenv.sim.descent import PlacementTask
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.physics_items import PhysicsItem
@@ -38,6 +39,10 @@ def task_of(placement: Placement, item: PhysicsItem, container: Container) -> Pl
         raise PlanError(
             f"{placement.item}: details.manipulation tells no path of three or more waypoints, plan again"
         )
+    try:
+        refine(joints)
+    except ValueError as problem:
+        raise PlanError(f"{placement.item}: details.manipulation: {problem}, plan again") from None
     return PlacementTask(item, placement.rotation, placement.position, joints, heights)
 
 

@@ -32,7 +32,7 @@ class Settled:
 
     Attributes:
         seconds: simulated.
-        at_rest: whether the rule was met; False where the time ran out first.
+        at_rest: whether everything was at rest in the end; False where the time ran out first.
     """
 
     seconds: float
@@ -58,6 +58,11 @@ class RestWatch:
             if self._world.travel(body, at, turn) > self._rule.travel:
                 self._reset()
                 return False
+        return self.rested
+
+    @property
+    def rested(self) -> bool:
+        """Whether the rule was met at the last look."""
         return self._world.time - self._since >= self._rule.time - 1e-9
 
     def _reset(self) -> None:
@@ -69,9 +74,9 @@ class RestWatch:
 def settle(world: World, longest: float, rule: RestRule | None) -> Settled:
     """Step until the world is at rest, or for ``longest`` seconds; always so long without a rule."""
     start = world.time
-    watch = RestWatch(world, rule) if rule is not None else None
+    watch = RestWatch(world, rule or RestRule())
     while world.time - start < longest - 0.5 * world.config.time_step:
         world.step()
-        if watch is not None and watch.calm():
+        if watch.calm() and rule is not None:
             return Settled(world.time - start, True)
-    return Settled(world.time - start, watch is None)
+    return Settled(world.time - start, watch.rested)

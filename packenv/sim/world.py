@@ -34,6 +34,10 @@ _WALL = 0.05
 """Thickness of floor and walls, outward, m."""
 
 
+EngineError: type[Exception] = pybullet.error
+"""What the engine raises, for instance where its window was closed."""
+
+
 @dataclass(frozen=True)
 class WorldConfig:
     """The settings of a world.
@@ -122,6 +126,11 @@ class World(Closing):
     def client(self) -> int:
         """PyBullet's number of this world, for cameras."""
         return self._client
+
+    @property
+    def open(self) -> bool:
+        """False once it is closed, by :meth:`close` or by the window's user."""
+        return bool(pybullet.isConnected(self._client))
 
     @property
     def items(self) -> tuple[int, ...]:
@@ -327,8 +336,9 @@ class World(Closing):
 
 
 def _free(client: int, folder: Path) -> None:
-    """Close a world."""
-    pybullet.disconnect(client)
+    """Close a world; the window's user may have done so already."""
+    if pybullet.isConnected(client):
+        pybullet.disconnect(client)
     shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,13 +12,14 @@ import trimesh
 
 from benchmarks.physics_shelf import load_physics_shelf
 from experiments import execution
-from experiments.plan_store import PlanStore
+from experiments.plan_store import PlanStore, fingerprints
 from packenv.cli import main
 from packenv.config import GridConfig
 from packenv.io.plans import plan_to_json
 from packenv.planning.assembly import PlannerChoice
 from packenv.sim.world import WorldConfig
 from packenv.types import Container
+from tests.sim.bodies import brick, by_hand, carried_out
 
 GRID = GridConfig()
 ORDER = ("brick", "book", "can")
@@ -93,6 +95,25 @@ def test_columns_are_compared_on_the_orders_that_all_of_them_planned() -> None:
 
 def test_no_rows_tell_nothing() -> None:
     assert execution.summarize([]) == {}
+
+
+def test_another_mass_is_another_plan(store: PlanStore) -> None:
+    heavy = {name: replace(item, mass=2.0 * item.mass) for name, item in store.shelf.plan.meshes.items()}
+    assert fingerprints(replace(store.shelf.plan, meshes=heavy), ORDER) != fingerprints(
+        store.shelf.plan, ORDER
+    )
+
+
+def test_what_collided_counts_in_no_mean() -> None:
+    """The robot that holds it has stopped: it neither fell nor slid."""
+    tasks = [by_hand(brick(name="first"), (0.1, 0.1, 0.0)), by_hand(brick(name="second"), (0.15, 0.1, 0.0))]
+    kept = execution.figures(carried_out(tasks))
+    assert kept["cause"] == "collision"
+    assert kept["drop_m"] == pytest.approx([0.01], abs=3e-4)
+    assert len(kept["shift_m"]) == 1
+    assert execution.mean_moves([kept])["drop_cm"] == pytest.approx(1.0, abs=0.03)
+    nothing = execution.figures(carried_out([by_hand(brick(), (-0.05, 0.1, 0.0))]))
+    assert execution.mean_moves([nothing]) == {"drop_cm": None, "shift_cm": None}
 
 
 def test_jobs_take_every_order_in_every_column_and_no_plan_twice_at_once(store: PlanStore) -> None:

@@ -81,10 +81,30 @@ def test_the_robot_s_gripper_is_watched_as_well() -> None:
 
 
 def test_a_ball_without_hollow_rolls_no_farther_than_a_wall() -> None:
-    done = carried_out([by_hand(ball(), (0.16, 0.16, 0.04), slipped(0.0, 0.0))])
-    low, high = done.final[0][1] - 0.04, done.final[0][1] + 0.04
+    """It falls beside the edge of a ledge, and rolls away from it through the whole box."""
+    ledge = by_hand(brick(0.06, 0.30, 0.08, "ledge"), (0.0, 0.01, 0.0))
+    done = carried_out([ledge, by_hand(ball(), (0.08, 0.16, 0.12))])
+    assert done.final[1][1][0] > 0.08 + 0.05
+    low, high = done.final[1][1] - 0.04, done.final[1][1] + 0.04
     assert low.min() > -2e-3
     assert (high < np.array(BOX.size) + 2e-3).all()
+
+
+def test_rest_is_reported_where_the_robot_s_way_back_takes_longer_than_settling() -> None:
+    config = ExecutionConfig(motion=MotionConfig(settle=0.5))
+    (outcome,) = carried_out([by_robot(brick(), (0.10, 0.08, 0.05), (0.1, 0.1, 0.0))], config).items
+    assert outcome.at_rest
+    assert outcome.settle_s < 0.5
+
+
+def test_the_full_time_tells_whether_anything_still_moves_at_its_end() -> None:
+    tasks = [
+        by_hand(brick(0.06, 0.30, 0.08, "ledge"), (0.0, 0.01, 0.0)),
+        by_hand(ball(), (0.08, 0.16, 0.12)),
+    ]
+    for settle, calm in ((0.4, [True, False]), (20.0, [True, True])):
+        full = ExecutionConfig(motion=MotionConfig(settle=settle, rest=None))
+        assert [outcome.at_rest for outcome in carried_out(tasks, full).items] == calm
 
 
 def test_the_same_tasks_give_the_same_bits_recorded_or_not() -> None:
