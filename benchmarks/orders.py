@@ -25,3 +25,10 @@ def random_orders(names: list[str], size: int, count: int, seed: int) -> list[li
     """``count`` orders of ``size`` different items each; the same seed gives the same orders."""
     rng = np.random.default_rng([seed, size])
     return [[str(n) for n in rng.choice(names, size, replace=size > len(names))] for _ in range(count)]
+
+
+def small_orders(names: list[str], count: int, seed: int) -> list[list[str]]:
+    """``count`` orders of three to five different items each, as the paper's small ones (Sec. V)."""
+    rng = np.random.default_rng([seed, 5])
+    sizes = rng.integers(3, 6, count)
+    return [[str(n) for n in rng.choice(names, size, replace=False)] for size in sizes]

@@ -39,7 +39,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.execution import BOX, CONFIG, figures
+from experiments.execution import figures
+from experiments.physics_orders import BOX, CONFIG
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.io.assets import assets_dir

@@ -6,7 +6,6 @@ with more columns. Stopped and started again with the same ``--out``, it goes on
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import sys
@@ -14,16 +13,13 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.physics_shelf import load_physics_shelf
-from experiments.plan_store import PlanStore, fingerprints
+from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv import __version__
 from packenv.closed_loop import run_closed_loop
-from packenv.config import GridConfig
 from packenv.io.assets import assets_dir
 from packenv.io.rows import row_key
 from packenv.planning.assembly import PlannerChoice, Shelf
@@ -31,13 +27,8 @@ from packenv.planning.packing import Packing
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.plan_tasks import run_tasks, task_of
-from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
-from packenv.types import Container, Plan
-
-GRID = GridConfig()
-BOX = Container(0.32, 0.32, 0.30)
-CONFIG = ExecutionConfig()
-WORLDS = ("nominal", "disturbed")
+from packenv.sim.session import Execution, Session, feeling
+from packenv.types import Plan
 
 
 @dataclass(frozen=True)
@@ -98,21 +89,9 @@ def in_turn(columns: Sequence[Column], orders: Sequence[Sequence[str]], shelf: S
                 yield Job(column, index, tuple(order), fingerprints(shelf, order))
 
 
-class _Worker:
-    """What a worker process loads once."""
-
-    store: PlanStore
-
-
-def prepare(catalogue: str, plans: Path) -> None:
-    """Load the catalogue into this process, every item as its envelope; plans are kept in a folder."""
-    shelf = load_physics_shelf(catalogue, GRID)
-    _Worker.store = PlanStore(plans, catalogue, shelf, BOX, GRID, CONFIG.world)
-
-
 def work(job: Job) -> dict[str, Any]:
     """Plan one order in one column and carry it out."""
-    stored = _Worker.store.plan(job.order, job.column.choice)
+    stored = Worker.store.plan(job.order, job.column.choice)
     row: dict[str, Any] = {
         "key": job.key,
         "index": job.index,
@@ -132,10 +111,10 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
     start = time.process_time()
     cell, urdf = Cell.beside(BOX), assets_dir() / "robot" / "tx90.urdf"
     config = feeling(CONFIG) if column.feel else CONFIG
-    shelf = _Worker.store.shelf
+    shelf = Worker.store.shelf
     plans, success = 1, None
     if column.closed:
-        planner = _Worker.store.planner(column.choice)
+        planner = Worker.store.planner(column.choice)
         with Session(cell, config if disturbance is None else disturbance.config(config), urdf) as session:
             looped = run_closed_loop(
                 planner,
@@ -220,24 +199,12 @@ def _world(rows: Sequence[dict[str, Any]], world: str) -> dict[str, Any]:
 
 def main() -> int:
     """Run, resume, print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--catalogue", default="builtin")
-    parser.add_argument("--orders", type=int, default=200)
-    parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
+    parser = options((__doc__ or "").splitlines()[0], orders=200, out="runs/execution.jsonl")
     parser.add_argument("--columns", nargs="+", choices=tuple(COLUMNS), default=list(COLUMNS))
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("runs/execution.jsonl"))
-    parser.add_argument(
-        "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
-    )
-    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
     prepare(arguments.catalogue, arguments.plans)
-    shelf = _Worker.store.shelf.plan
-    names = fitting(shelf.prepared, BOX, GRID)
-    orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
-    jobs = list(in_turn([COLUMNS[name] for name in arguments.columns], orders, shelf))
+    columns = [COLUMNS[name] for name in arguments.columns]
+    jobs = list(in_turn(columns, drawn_orders(arguments), Worker.store.shelf.plan))
     done, failed = finish(
         work,
         jobs,

@@ -6,17 +6,14 @@ plans, and share the files of those that are made.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.physics_shelf import load_physics_shelf
-from experiments.execution import BOX, COLUMNS, CONFIG, GRID
-from experiments.plan_store import PlanStore, fingerprints
+from experiments.execution import COLUMNS
+from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv import __version__
 from packenv.io.rows import row_key
@@ -50,21 +47,9 @@ class PlanJob:
         return row_key(__version__, GRID, CONFIG, COLUMNS[self.column], self)
 
 
-class _Worker:
-    """What a worker process loads once."""
-
-    store: PlanStore
-
-
-def prepare(catalogue: str, plans: Path) -> None:
-    """Load the catalogue into this process; plans are kept in a folder."""
-    shelf = load_physics_shelf(catalogue, GRID)
-    _Worker.store = PlanStore(plans, catalogue, shelf, BOX, GRID, CONFIG.world)
-
-
 def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | None]:
     """The row of a job as far as planning goes, and the tasks; None where the plan leaves items over."""
-    stored = _Worker.store.plan(job.order, COLUMNS[job.column].choice)
+    stored = Worker.store.plan(job.order, COLUMNS[job.column].choice)
     row = {
         "key": job.key,
         "column": job.column,
@@ -75,7 +60,7 @@ def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | Non
     }
     if not stored.plan.complete:
         return row, None
-    physics = _Worker.store.shelf.physics
+    physics = Worker.store.shelf.physics
     return row, [task_of(p, physics[p.item], BOX) for p in stored.plan.placements]
 
 
@@ -101,32 +86,16 @@ def run(
     Returns:
         exit code: 1 where a job failed.
     """
-    parser = argparse.ArgumentParser(description=description)
+    parser = options(description, orders=orders, out=f"runs/{experiment.split()[0]}.jsonl")
     blind = [name for name, c in COLUMNS.items() if not c.feel]
-    parser.add_argument("--catalogue", default="builtin")
-    parser.add_argument("--orders", type=int, default=orders)
-    parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
     parser.add_argument("--column", choices=blind, default=column, help="how to plan (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path(f"runs/{experiment.split()[0]}.jsonl"))
-    parser.add_argument(
-        "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
-    )
-    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
     prepare(arguments.catalogue, arguments.plans)
-    shelf = _Worker.store.shelf.plan
-    names = fitting(shelf.prepared, BOX, GRID)
     jobs = [
         PlanJob(
-            experiment,
-            arguments.column,
-            index,
-            tuple(order),
-            fingerprints(shelf, order),
+            experiment, arguments.column, index, tuple(order), fingerprints(Worker.store.shelf.plan, order)
         )
-        for index, order in enumerate(random_orders(names, arguments.items, arguments.orders, arguments.seed))
+        for index, order in enumerate(drawn_orders(arguments))
     ]
     rows, failed = finish(
         work,

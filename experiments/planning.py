@@ -18,9 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from benchmarks.orders import fitting, random_orders
+from benchmarks.orders import fitting, random_orders, small_orders
 from experiments.runs import finish, load_items, order_options
 from packenv import __version__
 from packenv.config import GridConfig
@@ -186,9 +184,7 @@ def main() -> int:
     if arguments.set == "large":
         orders = random_orders(names, 10, arguments.orders, arguments.seed)
     else:
-        rng = np.random.default_rng([arguments.seed, 5])
-        sizes = rng.integers(3, 6, arguments.orders)
-        orders = [[str(name) for name in rng.choice(names, size, replace=False)] for size in sizes]
+        orders = small_orders(names, arguments.orders, arguments.seed)
     jobs = [
         Job(
             arguments.set,

@@ -38,9 +38,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.execution import BOX, CONFIG, figures, mean_moves
+from experiments.execution import figures, mean_moves
 from experiments.mujoco_execution import execute_in_mujoco
 from experiments.mujoco_pile import MujocoConfig
+from experiments.physics_orders import BOX, CONFIG
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.io.assets import assets_dir

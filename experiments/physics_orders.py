@@ -1,0 +1,53 @@
+"""What experiments in physics share: container and settings, random orders, and what a worker loads once."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from benchmarks.orders import fitting, random_orders, small_orders
+from benchmarks.physics_shelf import load_physics_shelf
+from experiments.plan_store import PlanStore
+from packenv.config import GridConfig
+from packenv.sim.session import ExecutionConfig
+from packenv.types import Container
+
+GRID = GridConfig()
+BOX = Container(0.32, 0.32, 0.30)
+CONFIG = ExecutionConfig()
+
+
+class Worker:
+    """What a worker process loads once."""
+
+    store: PlanStore
+
+
+def prepare(catalogue: str, plans: Path) -> None:
+    """Load a catalogue into this process, every item as its envelope; plans are kept in a folder."""
+    Worker.store = PlanStore(plans, catalogue, load_physics_shelf(catalogue, GRID), BOX, GRID, CONFIG.world)
+
+
+def options(description: str, *, orders: int, out: str) -> argparse.ArgumentParser:
+    """A parser with the options of every experiment in physics, and their defaults."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--catalogue", default="builtin")
+    parser.add_argument("--orders", type=int, default=orders)
+    parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
+    parser.add_argument("--small", action="store_true", help="orders of three to five items instead")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path(out))
+    parser.add_argument(
+        "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
+    )
+    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
+    return parser
+
+
+def drawn_orders(arguments: argparse.Namespace) -> list[list[str]]:
+    """The orders that the options ask for, of items that fit the container alone."""
+    names = fitting(Worker.store.shelf.plan.prepared, BOX, GRID)
+    if arguments.small:
+        return small_orders(names, arguments.orders, arguments.seed)
+    return random_orders(names, arguments.items, arguments.orders, arguments.seed)
