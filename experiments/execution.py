@@ -48,6 +48,7 @@ class Column:
     feel: bool = False
 
 
+CHECKED = PlannerChoice(stability="physics", clearance=0.01, rehearse=3)
 COLUMNS = {
     column.name: column
     for column in (
@@ -55,9 +56,9 @@ COLUMNS = {
         Column("paper", PlannerChoice()),
         Column("margin", PlannerChoice(stability="margin")),
         Column("clearance", PlannerChoice(clearance=0.01)),
-        Column("physics", PlannerChoice(stability="physics", clearance=0.01)),
-        Column("guarded", PlannerChoice(stability="physics", clearance=0.01), feel=True),
-        Column("closed-loop", PlannerChoice(stability="physics", clearance=0.01), closed=True, feel=True),
+        Column("physics", CHECKED),
+        Column("guarded", CHECKED, feel=True),
+        Column("closed-loop", CHECKED, closed=True, feel=True),
     )
 }
 

@@ -11,12 +11,15 @@ from typing import Any
 from benchmarks.physics_shelf import PhysicsShelf
 from packenv import __version__
 from packenv.config import GridConfig
+from packenv.io.assets import assets_dir
 from packenv.io.plan_maker import make_plan, with_envelopes
 from packenv.io.plans import read_plan, write_plan
 from packenv.io.rows import row_key
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner, by_box_volume
+from packenv.planning.packing import Packing
+from packenv.rehearsal import pack_rehearsed
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, OrderLine, Plan
 
@@ -84,13 +87,32 @@ class PlanStore:
         return StoredPlan(plan, float(plan.metrics["plan_cpu_s"]))
 
     def _made(self, order: Sequence[str], choice: PlannerChoice) -> Plan:
-        start = time.process_time()
-        prepared = self.shelf.plan.prepared
-        packing = self.planner(choice).pack(by_box_volume(order, prepared), prepared, self.box)
-        seconds = time.process_time() - start
+        prepared, physics = self.shelf.plan.prepared, self.shelf.physics
+        planner, sequence = self.planner(choice), by_box_volume(order, prepared)
+        seconds, told = 0.0, {}
+        if choice.rehearse:
+            first = self.plan(order, replace(choice, rehearse=0))
+            seconds = first.cpu_s
+            start = time.process_time()
+            rehearsed = pack_rehearsed(
+                planner,
+                sequence,
+                prepared,
+                self.box,
+                physics,
+                assets_dir() / "robot" / "tx90.urdf",
+                choice.rehearse,
+                Packing.of_plan(first.plan),
+            )
+            packing = rehearsed.packing
+            told = {"rehearsal_survived": rehearsed.survived, "rehearsal_plans": rehearsed.plans}
+        else:
+            start = time.process_time()
+            packing = planner.pack(sequence, prepared, self.box)
+        seconds += time.process_time() - start
         settings: dict[str, Any] = {**asdict(choice), "geometry": "parts", "sequence": "volume"}
         items = {name: self.shelf.items[name] for name in order}
         lines = tuple(OrderLine(name, 1) for name in order)
         plan = make_plan(packing, lines, items, self.grid, catalogue=self.catalogue, settings=settings)
         plan = with_envelopes(plan, {name: self.shelf.plan.meshes[name] for name in order})
-        return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})
+        return replace(plan, metrics={**plan.metrics, **told, "plan_cpu_s": seconds})

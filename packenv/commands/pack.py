@@ -23,6 +23,7 @@ from packenv.commands.output import say, say_json
 from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.convex_parts import ConvexParts
+from packenv.io.assets import assets_dir
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
@@ -44,6 +45,7 @@ _SETTINGS = (
     "restarts",
     "seed",
     "clearance",
+    "rehearse",
 )
 
 _MakePlanner: TypeAlias = Callable[[PlannerChoice, Container], Planner]
@@ -72,6 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
     shelf = Shelf(shapes, prepared, load_fields(shapes) if choice.constraints != "overlap" else {})
     make = _planner_maker(choice, shelf, grid, parts)
     packing, choice = _smallest(containers, choice, sequence, shelf, make)
+    told: dict[str, float] = {}
+    if choice.rehearse:
+        packing, told = _rehearsed(make(choice, packing.container), sequence, shelf, parts, choice, packing)
     plan = make_plan(
         packing,
         order.lines,
@@ -85,6 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             "sequence": arguments.sequence,
         },
     )
+    plan = replace(plan, metrics={**plan.metrics, **told})
     if geometry == "parts":
         plan = with_envelopes(plan, shapes)
     _write(plan, packing, items, grid, arguments)
@@ -100,6 +106,11 @@ def _geometry(arguments: argparse.Namespace) -> Geometry:
     if not 0.0 <= arguments.clearance <= MAX_CLEARANCE:
         raise InputError(
             f"--clearance {arguments.clearance:g}: is out of range, give metres from 0 to {MAX_CLEARANCE:g}"
+        )
+    if arguments.rehearse and arguments.stability != "physics":
+        raise InputError(
+            f"--rehearse {arguments.rehearse}: carries out what was checked in physics; "
+            "give --stability physics as well"
         )
     if arguments.stability != "physics":
         return arguments.geometry or "mesh"
@@ -125,6 +136,7 @@ def _choice(arguments: argparse.Namespace) -> PlannerChoice:
         restarts=arguments.restarts,
         with_margin=True,
         clearance=arguments.clearance,
+        rehearse=arguments.rehearse,
     )
 
 
@@ -167,6 +179,33 @@ def _packed(planner: Planner, sequence: Sequence[str], shelf: Shelf, box: Contai
         end_planning(planner)
 
 
+def _rehearsed(
+    planner: Planner,
+    sequence: Sequence[str],
+    shelf: Shelf,
+    parts: Mapping[str, ConvexParts],
+    choice: PlannerChoice,
+    first: Packing,
+) -> tuple[Packing, dict[str, float]]:
+    """The packing that is left of a rehearsal, and what the plan tells of it."""
+    from packenv.rehearsal import pack_rehearsed
+
+    urdf = assets_dir() / "robot" / "tx90.urdf"
+    physics = as_physics_items(shelf.meshes, parts)
+    try:
+        done = pack_rehearsed(
+            planner, sequence, shelf.prepared, first.container, physics, urdf, choice.rehearse, first
+        )
+    finally:
+        end_planning(planner)
+    told: dict[str, float] = {
+        "rehearsal_worlds": done.worlds,
+        "rehearsal_survived": done.survived,
+        "rehearsal_plans": done.plans,
+    }
+    return done.packing, told
+
+
 def _write(
     plan: Plan,
     packing: Packing,
@@ -205,6 +244,9 @@ def _report(plan: Plan, arguments: argparse.Namespace) -> None:
         f"packed {packed} of {ordered} items into {plan.container.label} with {arguments.heuristic}: "
         f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
     )
+    if "rehearsal_worlds" in plan.metrics:
+        survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
+        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}")
     for option in ("out", "html", "png"):
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")

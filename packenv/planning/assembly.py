@@ -51,6 +51,8 @@ class PlannerChoice:
         give_up: end at the first item that finds no place, as the paper does, instead of packing the rest.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
+        rehearse: in how many worlds the plan is carried out before it is given out
+            (:mod:`packenv.rehearsal`); read for ``physics`` alone, and by whoever asks the planner.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 
@@ -66,6 +68,7 @@ class PlannerChoice:
     give_up: bool = False
     with_margin: bool = False
     clearance: float = 0.0
+    rehearse: int = 0
 
 
 @dataclass(frozen=True, eq=False)
