@@ -13,7 +13,8 @@ from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.descent import PlacementTask
 from packenv.sim.placing import MotionConfig
 from packenv.sim.rest import settle
-from packenv.sim.session import DISPLACED, OUT, Cause, Execution, ItemOutcome, Pose
+from packenv.sim.session import Execution, ItemOutcome
+from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
 from packenv.sim.world import World
 from packenv.types import Container
 
@@ -109,20 +110,12 @@ class _Run:
         return _travel(self._tasks[k], planned, self._pile.pose(k)) > DISPLACED
 
     def _blame(self, task: PlacementTask, met: Meeting) -> tuple[Cause, str]:
-        what = f"{task.item.name} met {self._name(met.other)}"
-        depth = f"{met.depth * 1e3:.1f} mm deep"
-        if met.other >= 0 and self._displaced(met.other):
-            return "item-displaced", f"{what}, which had left its place, {depth}"
-        return "collision", f"{what} {depth}"
+        gone = met.other >= 0 and self._displaced(met.other)
+        return collision(task.item.name, self._name(met.other), met.depth, displaced=gone)
 
     def _out(self, final: Sequence[Pose]) -> tuple[Cause, str] | None:
-        for k, pose in enumerate(final):
-            item = self._tasks[k].item
-            over = item.beyond(self._container, *pose)
-            if over > OUT:
-                cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
-                return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"
-        return None
+        items = [self._tasks[k].item for k in self._pile.items]
+        return sticking_out(items, final, self._container, self._displaced)
 
 
 def _travel(task: PlacementTask, a: Pose, b: Pose) -> float:

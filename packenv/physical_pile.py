@@ -15,7 +15,8 @@ from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Pile
 from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import task_of
-from packenv.sim.session import OUT, ExecutionConfig, Session
+from packenv.sim.session import ExecutionConfig, Session
+from packenv.sim.verdicts import OUT
 from packenv.types import Container, Placement
 
 

@@ -12,7 +12,7 @@ from packenv.geometry.transforms import angle_between, yaw_rotation
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.rest import RestRule, RestWatch
-from packenv.sim.session import Pose
+from packenv.sim.verdicts import Pose
 from packenv.sim.world import World, WorldConfig
 from packenv.types import Container, FloatArray
 

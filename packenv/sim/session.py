@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -15,16 +14,9 @@ from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
 from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
+from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
 from packenv.sim.world import World, WorldConfig
 from packenv.types import Container, FloatArray
-
-Cause: TypeAlias = Literal["collision", "item-displaced", "item-out"]
-Pose: TypeAlias = tuple[FloatArray, FloatArray]
-
-OUT = 0.002
-"""An item whose hull is farther outside the container than this is out, m: a cell of the heightmaps."""
-DISPLACED = 0.01
-"""An item whose centre of mass is farther than this from where it was planned is displaced, m."""
 
 FEEL = 0.0005
 """Depth at which a robot that feels contacts does, m."""
@@ -220,20 +212,9 @@ class Session(Closing):
         touch = placed.collided
         assert touch is not None
         mover = "the robot" if touch.body != placed.body else task.item.name
-        depth = f"{touch.depth * 1e3:.1f} mm deep"
-        if touch.other in self._bodies and self._displaced(self._bodies.index(touch.other)):
-            return (
-                "item-displaced",
-                f"{mover} met {self._name(touch.other)}, which had left its place, {depth}",
-            )
-        return "collision", f"{mover} met {self._name(touch.other)} {depth}"
+        gone = touch.other in self._bodies and self._displaced(self._bodies.index(touch.other))
+        return collision(mover, self._name(touch.other), touch.depth, displaced=gone)
 
     def _out(self, final: tuple[Pose, ...]) -> tuple[Cause, str] | None:
-        for k, (body, (rotation, position)) in enumerate(zip(self._bodies, final, strict=True)):
-            item = self.world.item_of(body)
-            assert item is not None
-            over = item.beyond(self.container, rotation, position)
-            if over > OUT:
-                cause: Cause = "item-displaced" if self._displaced(k) else "item-out"
-                return cause, f"{item.name} sticks {over * 1e3:.1f} mm out of the container"
-        return None
+        items = [self.world.item_of(body) for body in self._bodies]
+        return sticking_out([i for i in items if i is not None], final, self.container, self._displaced)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from experiments.pose_gap import pose_gap
 from packenv.geometry.transforms import yaw_rotation
-from packenv.sim.session import Pose
+from packenv.sim.verdicts import Pose
 from packenv.sim.world import World
 from tests.sim.bodies import BOX, ball, brick
 
