@@ -45,7 +45,7 @@ from tqdm import tqdm
 from benchmarks.orders import fitting, random_orders
 from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
 from packenv.config import GridConfig
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.physics_planning import CAREFUL, STRICT, make_planner
 from packenv.planning.assembly import PlannerChoice
@@ -142,7 +142,7 @@ def plan(choice: PlannerChoice, order: Sequence[str], shelf: PhysicsShelf, box: 
 
 def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
     """Carry a plan out as ``robotpack execute`` does."""
-    return run_tasks(tasks, Cell.beside(box), CONFIG, assets_dir() / "robot" / "tx90.urdf")
+    return run_tasks(tasks, Cell.beside(box), CONFIG, robot_urdf())
 
 
 def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: int) -> dict[str, Any]:

@@ -43,7 +43,7 @@ from experiments.execution import figures
 from experiments.physics_orders import BOX, CONFIG
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import run_tasks
@@ -75,7 +75,7 @@ def both(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> dict[str, A
 
 def _timed(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> tuple[Execution, float]:
     start = time.process_time()
-    urdf = assets_dir() / "robot" / "tx90.urdf" if any(t.joints is not None for t in tasks) else None
+    urdf = robot_urdf() if any(t.joints is not None for t in tasks) else None
     execution = run_tasks(tasks, Cell.beside(BOX), config, urdf)
     return execution, time.process_time() - start
 

@@ -20,7 +20,7 @@ from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv import __version__
 from packenv.closed_loop import run_closed_loop
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.rows import row_key
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packing import Packing
@@ -110,7 +110,7 @@ def work(job: Job) -> dict[str, Any]:
 
 def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> dict[str, Any]:
     start = time.process_time()
-    cell, urdf = Cell.beside(BOX), assets_dir() / "robot" / "tx90.urdf"
+    cell, urdf = Cell.beside(BOX), robot_urdf()
     config = feeling(CONFIG) if column.feel else CONFIG
     shelf = Worker.store.shelf
     plans, success = 1, None

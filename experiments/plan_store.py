@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.physics_shelf import PhysicsShelf
 from packenv import __version__
 from packenv.config import GridConfig
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.plan_maker import make_plan, with_envelopes
 from packenv.io.plans import read_plan, write_plan
 from packenv.io.rows import row_key
@@ -100,7 +100,7 @@ class PlanStore:
                 prepared,
                 self.box,
                 physics,
-                assets_dir() / "robot" / "tx90.urdf",
+                robot_urdf(),
                 choice.rehearse,
                 Packing.of_plan(first.plan),
             )

@@ -44,7 +44,7 @@ from experiments.mujoco_pile import MujocoConfig
 from experiments.physics_orders import BOX, CONFIG
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import run_tasks
 
@@ -56,7 +56,7 @@ def work(job: PlanJob) -> dict[str, Any]:
     row, tasks = planned_row(job)
     if tasks is None:
         return row
-    first = run_tasks(tasks, Cell.beside(BOX), CONFIG, assets_dir() / "robot" / "tx90.urdf")
+    first = run_tasks(tasks, Cell.beside(BOX), CONFIG, robot_urdf())
     row["first"] = figures(first)
     if not first.success:
         return row

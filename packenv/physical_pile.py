@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.shelves import ItemShelf
 from packenv.piles import Landing, Pose
 from packenv.planning.constraints import Constraint, Trial, Verdict
@@ -61,7 +61,7 @@ class PhysicalArrangement:
     def session(self) -> Session:
         """The world, built when it is first asked for."""
         if self._session is None:
-            urdf = assets_dir() / "robot" / "tx90.urdf" if self._robot else None
+            urdf = robot_urdf() if self._robot else None
             self._session = Session(Cell.beside(self._container), ExecutionConfig(), urdf)
         return self._session
 

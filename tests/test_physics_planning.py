@@ -13,7 +13,7 @@ from packenv.geometry.convex_parts import ConvexParts
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import prepare_item
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
 from packenv.planning.constraints import Trial
@@ -30,7 +30,7 @@ from tests.shapes import box
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
 BOX = Container(0.3, 0.3, 0.2)
-URDF = assets_dir() / "robot" / "tx90.urdf"
+URDF = robot_urdf()
 ITEMS = {
     item.name: item
     for item in (

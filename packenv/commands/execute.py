@@ -25,7 +25,7 @@ from packenv.commands.loading import (
 from packenv.commands.output import remark, say, say_json, with_progress
 from packenv.errors import InputError, PlanError
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json, write_execution
 from packenv.io.files import check_outputs
 from packenv.types import Item, Leftover, Plan
@@ -182,7 +182,7 @@ def _carried(
     from packenv.sim.session import Session
     from packenv.sim.world import EngineError
 
-    urdf = assets_dir() / "robot" / "tx90.urdf" if any(t.joints is not None for t in tasks) else None
+    urdf = robot_urdf() if any(t.joints is not None for t in tasks) else None
     settings = config if disturbance is None else disturbance.config(config)
     watch: Callable[[World], None] | None = _at_real_speed(recorder) if gui else recorder
     with Session(Cell.beside(plan.container), settings, urdf, gui=gui, watch=watch) as session:

@@ -23,7 +23,7 @@ from packenv.commands.output import say, say_json
 from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
@@ -190,7 +190,7 @@ def _rehearsed(
     """The packing that is left of a rehearsal, and what the plan tells of it."""
     from packenv.rehearsal import pack_rehearsed
 
-    urdf = assets_dir() / "robot" / "tx90.urdf"
+    urdf = robot_urdf()
     physics = as_physics_items(shelf.meshes, parts)
     try:
         done = pack_rehearsed(

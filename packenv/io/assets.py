@@ -18,3 +18,12 @@ def assets_dir() -> Path:
         if folder.is_dir():
             return folder
     raise RobotPackError(f"the assets folder is missing beside {package}; install robotpack again")
+
+
+def robot_urdf() -> Path:
+    """The TX90 with its gripper, as a URDF file.
+
+    Raises:
+        RobotPackError: the assets are not there.
+    """
+    return assets_dir() / "robot" / "tx90.urdf"

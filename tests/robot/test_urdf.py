@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.robot import gripper, shapes, tx90
 from packenv.robot.shapes import Primitive
 from packenv.robot.tx90_data import LINK_MASSES, LOWER, UPPER
 from packenv.robot.urdf import mass_properties, urdf_text
 from tests.robot.sampling import random_joints
 
-URDF = assets_dir() / "robot" / "tx90.urdf"
+URDF = robot_urdf()
 
 
 def test_the_asset_is_what_the_module_prints():

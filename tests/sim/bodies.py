@@ -8,7 +8,7 @@ import numpy as np
 
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import assets_dir
+from packenv.io.assets import robot_urdf
 from packenv.robot.cell import Cell
 from packenv.robot.tx90 import continuous_branches
 from packenv.sim.descent import PlacementTask
@@ -19,7 +19,7 @@ from packenv.types import Container, Item
 from tests import shapes
 
 BOX = Container(0.32, 0.32, 0.30)
-URDF = assets_dir() / "robot" / "tx90.urdf"
+URDF = robot_urdf()
 
 
 def convex(item: Item) -> PhysicsItem:
