@@ -89,7 +89,7 @@ class PlanStore:
     def _made(self, order: Sequence[str], choice: PlannerChoice) -> Plan:
         prepared, physics = self.shelf.plan.prepared, self.shelf.physics
         planner, sequence = self.planner(choice), by_box_volume(order, prepared)
-        seconds, told = 0.0, {}
+        seconds, told = 0.0, dict[str, float]()
         if choice.rehearse:
             first = self.plan(order, replace(choice, rehearse=0))
             seconds = first.cpu_s
@@ -105,7 +105,7 @@ class PlanStore:
                 Packing.of_plan(first.plan),
             )
             packing = rehearsed.packing
-            told = {"rehearsal_survived": rehearsed.survived, "rehearsal_plans": rehearsed.plans}
+            told = rehearsed.metrics
         else:
             start = time.process_time()
             packing = planner.pack(sequence, prepared, self.box)

@@ -39,6 +39,15 @@ class Rehearsed:
     survived: int
     plans: int
 
+    @property
+    def metrics(self) -> dict[str, float]:
+        """What a plan's file tells of it."""
+        return {
+            "rehearsal_worlds": self.worlds,
+            "rehearsal_survived": self.survived,
+            "rehearsal_plans": self.plans,
+        }
+
 
 def pack_rehearsed(
     planner: Planner,

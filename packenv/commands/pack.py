@@ -198,12 +198,7 @@ def _rehearsed(
         )
     finally:
         end_planning(planner)
-    told: dict[str, float] = {
-        "rehearsal_worlds": done.worlds,
-        "rehearsal_survived": done.survived,
-        "rehearsal_plans": done.plans,
-    }
-    return done.packing, told
+    return done.packing, done.metrics
 
 
 def _write(
