@@ -66,3 +66,10 @@ def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Path:
     text += [" ".join(["f", *(str(int(i) + 1) for i in f)]) for f in faces]
     path.write_text("\n".join(text) + "\n")
     return path
+
+
+def write_three(folder: Path) -> None:
+    """Meshes of three items that fit a small box: brick.ply, book.ply and can.ply."""
+    trimesh.creation.box((0.08, 0.06, 0.04)).export(folder / "brick.ply")
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(folder / "book.ply")
+    trimesh.creation.cylinder(0.02, 0.06, sections=24).export(folder / "can.ply")

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import trimesh
 from PIL import Image
 
 from packenv.cli import main
 from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ItemOutcome, Session
 from tests.conftest import REPO
+from tests.mesh_samples import write_three
 
 SIZE = "0.2x0.2x0.12"
 
@@ -27,9 +27,7 @@ SIZE = "0.2x0.2x0.12"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A shelf, an order, and the order's plans for a robot and for an ideal hand."""
     folder = tmp_path_factory.mktemp("execute")
-    trimesh.creation.box((0.08, 0.06, 0.04)).export(folder / "brick.ply")
-    trimesh.creation.box((0.10, 0.08, 0.05)).export(folder / "book.ply")
-    trimesh.creation.cylinder(0.02, 0.06, sections=24).export(folder / "can.ply")
+    write_three(folder)
     (folder / "objects.csv").write_text(
         "name,file,mass_kg\nbrick,brick.ply,0.3\nbook,book.ply,0.2\ncan,can.ply,0.1\n"
     )

@@ -9,7 +9,6 @@ import pytest
 
 from packenv.closed_loop import _still_good, run_closed_loop
 from packenv.config import GridConfig
-from packenv.geometry.convex_parts import ConvexParts
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import prepare_item
@@ -25,8 +24,9 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import ExecutionConfig, Session
 from packenv.sim.world import WorldConfig
-from packenv.types import Container
+from packenv.types import Container, Item
 from tests.shapes import box
+from tests.sim.bodies import convex
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
 BOX = Container(0.3, 0.3, 0.2)
@@ -43,18 +43,19 @@ ITEMS = {
 NAMES = ["slab", "brick", "block", "cube"]
 
 
+def shelf_of(items: dict[str, Item]) -> Shelf:
+    prepared = {name: prepare_item(item, GRID) for name, item in items.items()}
+    return Shelf(items, prepared, {name: SurfaceField.of_item(item) for name, item in items.items()})
+
+
 @pytest.fixture(scope="module")
 def shelf() -> Shelf:
-    prepared = {name: prepare_item(item, GRID) for name, item in ITEMS.items()}
-    return Shelf(ITEMS, prepared, {name: SurfaceField.of_item(item) for name, item in ITEMS.items()})
+    return shelf_of(ITEMS)
 
 
 @pytest.fixture(scope="module")
 def physics() -> dict[str, PhysicsItem]:
-    return {
-        name: PhysicsItem.of_item(item, ConvexParts((item.vertices,), None, 0.0, 0.0))
-        for name, item in ITEMS.items()
-    }
+    return {name: convex(item) for name, item in ITEMS.items()}
 
 
 def planned(choice: PlannerChoice, shelf: Shelf, physics: dict[str, PhysicsItem]) -> Packing:
@@ -155,10 +156,7 @@ def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsIt
 
 def test_what_a_drop_moved_is_in_the_heightmap_where_it_lies_now() -> None:
     items = {item.name: item for item in (box(0.03, 0.03, 0.15, "tower"), box(0.12, 0.10, 0.05, "slab"))}
-    bodies = {
-        name: PhysicsItem.of_item(item, ConvexParts((item.vertices,), None, 0.0, 0.0))
-        for name, item in items.items()
-    }
+    bodies = {name: convex(item) for name, item in items.items()}
     scratch = Scratch(BOX, WorldConfig())
     constraint = PhysicsConstraint(bodies, scratch, items, ANYHOW, EXACT)
     tower = Resting(items["tower"], np.eye(3), np.array([0.1, 0.1, 0.0]))

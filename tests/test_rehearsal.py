@@ -7,9 +7,6 @@ from dataclasses import replace
 import pytest
 
 from packenv import rehearsal
-from packenv.geometry.convex_parts import ConvexParts
-from packenv.geometry.distance_grids import SurfaceField
-from packenv.geometry.prepare import prepare_item
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner
@@ -19,25 +16,21 @@ from packenv.rehearsal import Rehearsed, pack_rehearsed
 from packenv.sim.physics_items import PhysicsItem
 from packenv.types import Leftover
 from tests.shapes import box
-from tests.sim.bodies import URDF
-from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, where
+from tests.sim.bodies import URDF, convex
+from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, shelf_of, where
 
-TABLE = {item.name: item for item in (box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole"))}
+PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
+ALL = {**ITEMS, "plank": PLANK, "pole": POLE}
 
 
 @pytest.fixture(scope="module")
 def shelf() -> Shelf:
-    items = {**ITEMS, **TABLE}
-    prepared = {name: prepare_item(item, GRID) for name, item in items.items()}
-    return Shelf(items, prepared, {name: SurfaceField.of_item(item) for name, item in items.items()})
+    return shelf_of(ALL)
 
 
 @pytest.fixture(scope="module")
 def physics() -> dict[str, PhysicsItem]:
-    return {
-        name: PhysicsItem.of_item(item, ConvexParts((item.vertices,), None, 0.0, 0.0))
-        for name, item in {**ITEMS, **TABLE}.items()
-    }
+    return {name: convex(item) for name, item in ALL.items()}
 
 
 def rehearsed(

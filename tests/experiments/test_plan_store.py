@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-import trimesh
 
 from benchmarks.physics_shelf import load_physics_shelf
 from experiments import execution
@@ -19,6 +18,7 @@ from packenv.io.plans import plan_to_json
 from packenv.planning.assembly import PlannerChoice
 from packenv.sim.world import WorldConfig
 from packenv.types import Container
+from tests.mesh_samples import write_three
 from tests.sim.bodies import brick, by_hand, carried_out
 
 GRID = GridConfig()
@@ -29,9 +29,7 @@ ORDER = ("brick", "book", "can")
 def store(tmp_path_factory: pytest.TempPathFactory) -> PlanStore:
     """An empty store of plans of three items."""
     folder = tmp_path_factory.mktemp("store")
-    trimesh.creation.box((0.08, 0.06, 0.04)).export(folder / "brick.ply")
-    trimesh.creation.box((0.10, 0.08, 0.05)).export(folder / "book.ply")
-    trimesh.creation.cylinder(0.02, 0.06, sections=24).export(folder / "can.ply")
+    write_three(folder)
     catalogue = str(folder)
     shelf = load_physics_shelf(catalogue, GRID)
     return PlanStore(folder / "plans", catalogue, shelf, Container(0.2, 0.2, 0.12), GRID, WorldConfig())
