@@ -48,7 +48,7 @@ class Column:
     feel: bool = False
 
 
-CHECKED = PlannerChoice(stability="physics", clearance=0.01, rehearse=3)
+CHECKED = PlannerChoice(stability="physics", clearance=0.01, rehearse=6)
 COLUMNS = {
     column.name: column
     for column in (
