@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
+import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, as_completed
+from contextlib import contextmanager
 from typing import Any
 
 from packenv.errors import InputError
@@ -32,7 +36,8 @@ def run_jobs(
         start: how processes start, as :mod:`multiprocessing` names it: ``spawn`` where this one may hold
             threads, which a fork does not survive. None takes the system's way.
 
-    A failed job yields ``{"key": ..., "error": ...}``: a row, not a gap.
+    A failed job yields ``{"key": ..., "error": ...}``: a row, not a gap. Who is terminated takes the workers
+    along.
 
     Raises:
         InputError: worker processes were asked for and pebble is not installed.
@@ -50,7 +55,8 @@ def run_jobs(
     except ModuleNotFoundError:
         raise InputError(f"{workers} worker processes need pebble: pip install pebble") from None
     context = multiprocessing.get_context(start)
-    with ProcessPool(workers, initializer=prepare, initargs=arguments, context=context) as pool:
+    begin = (prepare, arguments)
+    with _terminable(), ProcessPool(workers, initializer=_begin, initargs=begin, context=context) as pool:
         running: dict[Future[dict[str, Any]], Any] = {
             pool.schedule(work, args=[job], timeout=timeout): job for job in jobs
         }
@@ -63,6 +69,25 @@ def run_jobs(
                     yield _failure(running[future], cause)
         finally:
             pool.stop()  # type: ignore[no-untyped-call]
+
+
+def _begin(prepare: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    """A worker's first call: it dies at once when told to, whatever it has inherited."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    prepare(*arguments)
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """End on SIGTERM as on any error: a process that is simply gone leaves its workers at work."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _failure(job: Any, problem: BaseException) -> dict[str, Any]:

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
 
 from agents.workers import run_jobs
 
@@ -45,3 +52,60 @@ def test_the_number_of_workers_changes_nothing() -> None:
         rows = run_jobs(_work, jobs, workers=workers, timeout=30, prepare=_prepare, arguments=())
         results.append(sorted(rows, key=lambda row: str(row["key"])))
     assert results[0] == results[1] == results[2]
+
+
+_ENDLESS = """
+import os, sys, time
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.workers import run_jobs
+
+@dataclass(frozen=True)
+class Job:
+    key: str
+
+def prepare():
+    pass
+
+def work(job):
+    Path(sys.argv[1]).joinpath(str(os.getpid())).touch()
+    while True:
+        time.sleep(0.1)
+
+list(run_jobs(work, [Job("0"), Job("1")], workers=2, timeout=600, prepare=prepare, arguments=()))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_who_is_stopped_takes_the_workers_along(tmp_path: Path, number: signal.Signals) -> None:
+    script = tmp_path / "endless.py"
+    script.write_text(_ENDLESS)
+    pids = tmp_path / "pids"
+    pids.mkdir()
+    parent = subprocess.Popen([sys.executable, str(script), str(pids)], stderr=subprocess.DEVNULL)
+    try:
+        _until(lambda: len(list(pids.iterdir())) == 2, 60.0)
+        parent.send_signal(number)
+        assert parent.wait(30.0) != 0
+        _until(lambda: not any(_lives(int(path.name)) for path in pids.iterdir()), 10.0)
+    finally:
+        parent.kill()
+        for path in pids.iterdir():
+            if _lives(int(path.name)):
+                os.kill(int(path.name), signal.SIGKILL)
+
+
+def _lives(pid: int) -> bool:
+    """Whether a process runs; one that has ended and that nobody has asked about yet does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def _until(true: Callable[[], bool], longest: float) -> None:
+    end = time.monotonic() + longest
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.05)
