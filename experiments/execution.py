@@ -54,6 +54,7 @@ COLUMNS = {
     for column in (
         Column("overlap", PlannerChoice(constraints="overlap")),
         Column("paper", PlannerChoice()),
+        Column("cautious", PlannerChoice(stability="cautious")),
         Column("margin", PlannerChoice(stability="margin")),
         Column("clearance", PlannerChoice(clearance=0.01)),
         Column("physics", CHECKED),
@@ -61,6 +62,8 @@ COLUMNS = {
         Column("closed-loop", CHECKED, closed=True, feel=True),
     )
 }
+USUAL = ("overlap", "paper", "cautious", "physics", "guarded", "closed-loop")
+"""Columns that are run unless others are named: those that plan nearly every order whole."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +204,7 @@ def _world(rows: Sequence[dict[str, Any]], world: str) -> dict[str, Any]:
 def main() -> int:
     """Run, resume, print the table."""
     parser = options((__doc__ or "").splitlines()[0], orders=200, out="runs/execution.jsonl")
-    parser.add_argument("--columns", nargs="+", choices=tuple(COLUMNS), default=list(COLUMNS))
+    parser.add_argument("--columns", nargs="+", choices=tuple(COLUMNS), default=list(USUAL))
     arguments = parser.parse_args()
     prepare(arguments.catalogue, arguments.plans)
     columns = [COLUMNS[name] for name in arguments.columns]

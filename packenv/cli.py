@@ -126,10 +126,11 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     _choice(
         pack,
         "--stability",
-        ("paper", "margin", "physics"),
+        ("paper", "cautious", "margin", "physics"),
         "paper",
-        "equilibrium; equilibrium also under gravity tilted by 8 degrees with a friction of 0.25; or "
-        "equilibrium and a drop in physics, after which the item must lie where it was planned",
+        "equilibrium; that, and rather what also stands under gravity tilted by 8 degrees with a friction of "
+        "0.25; only what does; or equilibrium and a drop in physics, after which the item must lie where it "
+        "was planned",
     )
     _choice(
         pack,

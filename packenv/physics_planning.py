@@ -11,12 +11,11 @@ import numpy as np
 
 from packenv.config import GridConfig
 from packenv.geometry.transforms import angle_between
-from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble, clearances
+from packenv.planning.assembly import EACH_WARY, PlannerChoice, Shelf, assemble, clearances, wary
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Planner
-from packenv.planning.stability_constraint import StabilityConstraint
 from packenv.planning.turns import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
@@ -51,8 +50,6 @@ _DROPPED = 30
 """Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
 _EACH_DROPPED = 3
 """Most of them at one orientation."""
-_EACH_WARY = 12
-"""Most candidates at one orientation that are checked for a margin."""
 
 _RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, ANYHOW.name: 2.0}
 """How bad a placement under a rule is."""
@@ -185,11 +182,10 @@ def make_planner(
     lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
     anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)
     static = planner.constraints
-    cautious = [replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in static]
-    levels = clearances(choice, grid)
+    careful, levels = wary(static), clearances(choice, grid)
 
-    def wary(cells: int) -> Tier:
-        return Tier(cells, (*cautious, strict), each=_EACH_WARY, risk=_risk(cells, strict))
+    def margin(cells: int) -> Tier:
+        return Tier(cells, (*careful, strict), each=EACH_WARY, risk=_risk(cells, strict))
 
     def tried(cells: int, last: PhysicsConstraint) -> Tier:
         return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED, _risk(cells, last))
@@ -199,17 +195,22 @@ def make_planner(
 
     # What comes last may lie a little off: rather that than pass its neighbours by a hair.
     roomy = [
-        tier for cells in levels[:-1] for tier in (wary(cells), tried(cells, strict), tried(cells, lenient))
+        tier for cells in levels[:-1] for tier in (margin(cells), tried(cells, strict), tried(cells, lenient))
     ]
     roomy += [tried(cells, anyhow) for cells in levels[:-1]]
-    tight = [wary(0), tried(0, strict), tried(0, lenient), Tier(0, (*static, anyhow), risk=_risk(0, anyhow))]
-    first = [tier for cells in levels[:-1] or (0,) for tier in (wary(cells), tried(cells, strict))]
+    tight = [
+        margin(0),
+        tried(0, strict),
+        tried(0, lenient),
+        Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),
+    ]
+    first = [tier for cells in levels[:-1] or (0,) for tier in (margin(cells), tried(cells, strict))]
     return replace(
         planner,
         constraints=(*static, strict),
         tiers=first,
         # An order that does not fit with room to spare may fit without.
-        bold=(*first, wary(0), tried(0, strict)) if roomy else None,
+        bold=(*first, margin(0), tried(0, strict)) if roomy else None,
         # Rather a risk than an order that is not packed: as the paper plans, but where physics has the items.
         resort=(Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
         passes=(roomy, tight) if roomy else (tight,),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from packenv.config import GridConfig
@@ -25,11 +25,13 @@ from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
-StabilityRule: TypeAlias = Literal["paper", "margin", "physics"]
+StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
 Search: TypeAlias = Literal["3d", "5d"]
 
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
+EACH_WARY = 12
+"""Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,9 @@ class PlannerChoice:
     Attributes:
         heuristic: name of the positioning heuristic.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
-        stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity;
-            ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
+        stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
+            while all others are held, and what has no such place goes last; ``margin``: the whole pile also
+            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
         search: ``3d`` with the fallback, or ``5d`` at once.
         seed: for heuristics that draw.
         max_checked: the paper's N.
@@ -97,6 +100,11 @@ def clearances(choice: PlannerChoice, grid: GridConfig) -> tuple[int, ...]:
     return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
+def wary(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """The same constraints, on the same states, that also ask a new item for a margin of its own."""
+    return tuple(replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in constraints)
+
+
 def assemble(
     choice: PlannerChoice,
     shelf: Shelf,
@@ -136,7 +144,8 @@ def assemble(
     def perturbed(name: str) -> Iterator[tuple[OrientedItem, ...]]:
         return perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid, container.size)
 
-    return Planner(
+    levels = clearances(choice, grid)
+    planner = Planner(
         HEURISTICS[choice.heuristic],
         grid.step_cells,
         grid.cell_size,
@@ -147,5 +156,21 @@ def assemble(
         choice.restarts,
         choice.give_up,
         choice.seed,
-        tuple(Tier(cells) for cells in clearances(choice, grid)),
+        tuple(Tier(cells) for cells in levels),
+    )
+    return _cautious(planner, levels) if choice.stability == "cautious" else planner
+
+
+def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
+    """A planner that does without a margin only for what has no place with one once all others lie."""
+    careful = wary(planner.constraints)
+
+    def margin(cells: int) -> Tier:
+        return Tier(cells, careful, each=EACH_WARY)
+
+    passes = [[tier for cells in levels[:-1] for tier in (margin(cells), Tier(cells))], [margin(0), Tier(0)]]
+    return replace(
+        planner,
+        tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
+        passes=tuple(tiers for tiers in passes if tiers),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -22,7 +23,7 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.margins import check_margin
+from packenv.planning.margins import MarginRule, check_margin
 from packenv.planning.orientations import perturbations
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
@@ -686,6 +687,45 @@ def test_piles_with_a_margin_also_stand_by_the_paper_s_rule(heuristic: str, shel
     plan = _plan(packing, NAMES, {})
     for rule in ("paper", "margin"):
         assert _again(plan, shelf, "robot", rule).ok
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.008])
+def test_a_cautious_plan_does_without_a_margin_only_for_what_comes_last(
+    clearance: float, shelf: Shelf
+) -> None:
+    """What is placed in the first pass stands alone by the margin rule, asked again from nothing."""
+    choice = PlannerChoice(constraints="stability", stability="cautious", clearance=clearance)
+    planner = assemble(choice, shelf, BOX, GRID)
+    names = [*["ball"] * 7, *NAMES]
+    packing = planner.pack(names, shelf.prepared, BOX)
+    assert packing.complete
+    assert _again(_plan(packing, names, {}), shelf, "stability", "paper").ok
+    routes = [p.route for p in packing.placements]
+    waited = routes.index("later") if clearance else len(routes)
+    assert set(routes[:waited]) == {"first-pass"}
+    (alone,) = planner.tiers[0].constraints or ()
+    state = alone.start()
+    for p, surface in zip(
+        packing.placements[:waited],
+        (ContainerMap.empty(BOX, GRID.cell_size), *packing.surfaces),
+        strict=False,
+    ):
+        oriented = next(o for o in shelf.prepared[p.item].orientations if np.all(o.rotation == p.rotation))
+        ix, iy = np.rint(p.corner[:2] / GRID.cell_size).astype(int)
+        verdict = alone.check(Trial(oriented, int(ix), int(iy), p.corner[2]), surface, state)
+        assert verdict.ok, verdict.reason
+        state = verdict.state
+
+
+def test_what_has_no_margin_anywhere_is_packed_even_so(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under a tilt beyond the angle of friction everything slides."""
+    steep = MarginRule(tilt_deg=math.degrees(math.atan(MARGIN.mu)) + 2.0, mu=MARGIN.mu)
+    monkeypatch.setattr("packenv.planning.assembly.MARGIN", steep)
+    names = ["book", "brick", "tile"]
+    packing = _planned(shelf, names, constraints="stability", stability="cautious")
+    assert packing.complete
+    assert {p.route for p in packing.placements} == {"later"}
+    assert not _planned(shelf, names, constraints="stability", stability="margin").placements
 
 
 def test_details_of_a_step(shelf: Shelf) -> None:
