@@ -52,11 +52,11 @@ CHECKED = PlannerChoice(stability="physics", clearance=0.01, rehearse=6)
 COLUMNS = {
     column.name: column
     for column in (
-        Column("overlap", PlannerChoice(constraints="overlap")),
-        Column("paper", PlannerChoice()),
+        Column("overlap", PlannerChoice(constraints="overlap", stability="paper")),
+        Column("paper", PlannerChoice(stability="paper")),
         Column("cautious", PlannerChoice(stability="cautious")),
         Column("margin", PlannerChoice(stability="margin")),
-        Column("clearance", PlannerChoice(clearance=0.01)),
+        Column("clearance", PlannerChoice(stability="cautious", clearance=0.01)),
         Column("physics", CHECKED),
         Column("guarded", CHECKED, feel=True),
         Column("closed-loop", CHECKED, closed=True, feel=True),
