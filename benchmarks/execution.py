@@ -63,7 +63,8 @@ from packenv.types import Container
 GRID = GridConfig()
 CONFIG = ExecutionConfig()
 RULES = {
-    "paper": PlannerChoice(),
+    "paper": PlannerChoice(stability="paper"),
+    "cautious": PlannerChoice(stability="cautious"),
     "physics": PlannerChoice(stability="physics", clearance=0.01),
 }
 PARTS: tuple[tuple[type, str, str], ...] = (

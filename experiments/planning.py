@@ -169,7 +169,7 @@ def main() -> int:
     parser = order_options((__doc__ or "").splitlines()[0], orders=300, out="runs/planning.jsonl")
     parser.add_argument("--set", choices=("large", "small"), default="large")
     parser.add_argument("--constraints", default="robot", choices=("overlap", "stability", "robot"))
-    parser.add_argument("--stability", default="paper", choices=("paper", "margin"))
+    parser.add_argument("--stability", default="paper", choices=("paper", "cautious", "margin"))
     parser.add_argument("--contacts", default="surface", choices=("surface", "paper"))
     parser.add_argument("--grasp", default="seal", choices=("seal", "flat", "paper"))
     parser.add_argument("--restarts", type=int, default=3)

@@ -127,7 +127,7 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         pack,
         "--stability",
         ("paper", "cautious", "margin", "physics"),
-        "paper",
+        "cautious",
         "equilibrium; that, and rather what also stands under gravity tilted by 8 degrees with a friction of "
         "0.25; only what does; or equilibrium and a drop in physics, after which the item must lie where it "
         "was planned",

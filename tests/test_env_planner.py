@@ -26,7 +26,7 @@ MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duc
 def planned(order: list[str], heuristic: str, mask: str, size: Any, most: int) -> Packing:
     shelf = ItemShelf(open_catalogue("builtin"), GRID)
     box = Container(*size)
-    choice = PlannerChoice(heuristic, WORDS[mask], restarts=0, max_checked=most)
+    choice = PlannerChoice(heuristic, WORDS[mask], restarts=0, stability="paper", max_checked=most)
     planner = assemble(choice, shelf.planning(order), box, GRID)
     return planner.pack(by_box_volume(order, shelf.prepared_items), shelf.prepared_items, box)
 

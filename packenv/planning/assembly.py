@@ -61,7 +61,7 @@ class PlannerChoice:
 
     heuristic: str = "hm"
     constraints: Constraints = "robot"
-    stability: StabilityRule = "paper"
+    stability: StabilityRule = "cautious"
     search: Search = "3d"
     seed: int = 0
     max_checked: int = MAX_CHECKED
@@ -158,7 +158,7 @@ def assemble(
         choice.seed,
         tuple(Tier(cells) for cells in levels),
     )
-    return _cautious(planner, levels) if choice.stability == "cautious" else planner
+    return _cautious(planner, levels) if constraints and choice.stability == "cautious" else planner
 
 
 def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
@@ -168,9 +168,12 @@ def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
     def margin(cells: int) -> Tier:
         return Tier(cells, careful, each=EACH_WARY)
 
-    passes = [[tier for cells in levels[:-1] for tier in (margin(cells), Tier(cells))], [margin(0), Tier(0)]]
+    def both(cells: int) -> tuple[Tier, Tier]:
+        return margin(cells), Tier(cells, planner.constraints)
+
+    roomy = tuple(tier for cells in levels[:-1] for tier in both(cells))
     return replace(
         planner,
         tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
-        passes=tuple(tiers for tiers in passes if tiers),
+        passes=(roomy, both(0)) if roomy else (both(0),),
     )

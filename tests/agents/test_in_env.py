@@ -94,7 +94,7 @@ def compare(
     shelf: Shelf, level: Level, heuristic: str, box: Container, checked: int, *, orders: int, size: int
 ) -> Counter[str]:
     """Routes and leftovers of both, which must agree."""
-    choice = PlannerChoice(heuristic, level, max_checked=checked, restarts=0)
+    choice = PlannerChoice(heuristic, level, max_checked=checked, restarts=0, stability="paper")
     env = make_env(box, mask=MASKS[level], max_checked=checked)
     agent = PlannerAgent(heuristic, checked)
     rng = np.random.default_rng(7)
