@@ -14,7 +14,8 @@ class PlannerAgent(RankAgent):
     It takes the first valid candidate in the order of the heuristic if that is among the first
     ``max_checked`` legal ones, else it defers. *Defer* is Alg. 4's way into U; when the item comes back, the
     environment offers its stable poses on the pile of now, then the perturbed ones group by group. So with
-    physics off it places exactly as :meth:`packenv.planning.packer.Planner.pack` does without restarts.
+    physics off it places exactly as :meth:`packenv.planning.packer.Planner.pack` does without restarts, by
+    the rule of stability of the environment.
     """
 
     def __init__(self, heuristic: str = "hm", max_checked: int = MAX_CHECKED) -> None:

@@ -80,10 +80,11 @@ def _begin(prepare: Callable[..., None], arguments: tuple[Any, ...]) -> None:
 @contextmanager
 def _terminable() -> Iterator[None]:
     """End on SIGTERM as on any error: a process that is simply gone leaves its workers at work."""
-    if threading.current_thread() is not threading.main_thread():
+    before = signal.getsignal(signal.SIGTERM)
+    if before in (None, signal.SIG_IGN) or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         yield
     finally:

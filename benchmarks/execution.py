@@ -1,9 +1,9 @@
 """What an execution costs: ``python -m benchmarks.execution [--catalogue DIR] [--orders 5] --json``.
 
-Random 10-item orders are planned, under the paper's rule and with physics-checked planning, and the complete
-plans are carried out in PyBullet with the robot, without rendering. Planning, reading the catalogue and one
-first execution are in no figure. One process, one thread, CPU time. JSON keys, for each of ``rules``
-(``paper``, ``physics``):
+Random 10-item orders are planned, under the paper's rule, cautiously and with physics-checked planning, and
+the complete plans are carried out in PyBullet with the robot, without rendering. Planning, reading the
+catalogue and one first execution are in no figure. One process, one thread, CPU time. JSON keys, for each of
+``rules`` (``paper``, ``cautious``, ``physics``):
 
 - ``orders``, ``planned``: how many orders, and how many were planned whole; ``n``: how many of those plans
   were carried out to the end, successful or not (a collision ends an execution early, and cheaply);

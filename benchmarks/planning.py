@@ -98,7 +98,7 @@ def main() -> int:
     parser.add_argument("--sizes", type=int, nargs="+", help="default: 10 16 22 28; under constraints 10")
     parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
     parser.add_argument("--constraints", choices=("overlap", "stability", "robot"), default="overlap")
-    parser.add_argument("--stability", choices=("paper", "cautious", "margin"), default="paper")
+    parser.add_argument("--stability", choices=("paper", "margin"), default="paper")
     parser.add_argument("--grasp", choices=("seal", "flat", "paper"), default="seal")
     parser.add_argument("--search", choices=("3d", "5d"), default="3d")
     parser.add_argument("--restarts", type=int, default=3, help="under the constraints; none without")

@@ -69,7 +69,7 @@ def recheck(
         items: the placed items by name, as the geometry that the plan was made with.
         fields: their surfaces.
         constraints: what the plan claims to keep.
-        stability: by which rule it claims to be stable; of ``physics`` the static part, equilibrium.
+        stability: by which rule it claims to be stable; of ``cautious`` and ``physics`` equilibrium.
         contacts: by which rule it finds contacts.
         grasp: by which rule it claims to be graspable.
         cell_size: of the plan's heightmaps, m.

@@ -80,8 +80,11 @@ def pack_rehearsed(
     """
     best: Rehearsed | None = None
     for plans, packing in enumerate(_packings(planner, sequence, items, container, first), start=1):
-        failures = (k for k in range(worlds) if not _survives(packing, physics, container, urdf, k))
-        survived = next(failures, worlds)
+        survived = 0
+        # What has fewer items than another one cannot win.
+        if best is None or len(packing.placements) >= len(best.packing.placements):
+            failures = (k for k in range(worlds) if not _survives(packing, physics, container, urdf, k))
+            survived = next(failures, worlds)
         found = Rehearsed(packing, worlds, survived, plans)
         if best is None or _goodness(found) > _goodness(best):
             best = found

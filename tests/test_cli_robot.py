@@ -75,6 +75,7 @@ def edited(path: Path, edit: Edit) -> Path:
         (),
         ("--constraints", "overlap"),
         ("--constraints", "stability"),
+        ("--stability", "paper"),
         ("--constraints", "stability", "--stability", "margin"),
         ("--stability", "margin", "--heuristic", "dblf"),
         ("--search", "5d"),
@@ -102,7 +103,7 @@ def test_what_pack_plans_verify_accepts(
     for key in ("constraints", "stability", "search", "grasp", "contacts", "heuristic"):
         default = {
             "constraints": "robot",
-            "stability": "paper",
+            "stability": "cautious",
             "search": "3d",
             "grasp": "seal",
             "contacts": "surface",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -161,13 +162,15 @@ def _smallest(
 ) -> tuple[Packing, PlannerChoice]:
     """The packing in the smallest container that takes all, else in the largest; and what was chosen for it.
 
-    All but the last container are given up as soon as they are known not to do.
+    All but the last container are given up as soon as they are known not to do. What does without a margin in
+    a small box goes before a margin in a larger one.
     """
-    for box in containers[:-1]:
-        brisk = replace(choice, restarts=0, give_up=True)
-        packing = _packed(make(brisk, box), sequence, shelf, box)
+    brisk = replace(choice, restarts=0, give_up=True)
+    rules = [brisk, replace(brisk, stability="paper")] if choice.stability == "cautious" else [brisk]
+    for box, rule in itertools.product(containers[:-1], rules):
+        packing = _packed(make(rule, box), sequence, shelf, box)
         if packing.complete:
-            return packing, brisk
+            return packing, rule
     box = containers[-1]
     return _packed(make(choice, box), sequence, shelf, box), choice
 
@@ -241,7 +244,8 @@ def _report(plan: Plan, arguments: argparse.Namespace) -> None:
     )
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
-        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}")
+        end = "" if survived == worlds else ", a failure in the next"
+        say(f"rehearsed: success in {survived} of {worlds} worlds{end}; plans tried: {plans}")
     for option in ("out", "html", "png"):
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")

@@ -162,7 +162,11 @@ def assemble(
 
 
 def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
-    """A planner that does without a margin only for what has no place with one once all others lie."""
+    """A planner that does without a margin only for what has no place with one once all others lie.
+
+    An order that leaves something over is planned again with those items first, with or without a margin, and
+    in the end as without this preference.
+    """
     careful = wary(planner.constraints)
 
     def margin(cells: int) -> Tier:
@@ -171,9 +175,13 @@ def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
     def both(cells: int) -> tuple[Tier, Tier]:
         return margin(cells), Tier(cells, planner.constraints)
 
-    roomy = tuple(tier for cells in levels[:-1] for tier in both(cells))
+    roomy, tight = tuple(tier for cells in levels[:-1] for tier in both(cells)), both(0)
+    if planner.search == "5d":  # which knows no fallback
+        return replace(planner, tiers=(*roomy, *tight))
     return replace(
         planner,
         tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
-        passes=(roomy, both(0)) if roomy else (both(0),),
+        bold=(*roomy, *tight),
+        resort=tuple(Tier(cells, planner.constraints) for cells in levels),
+        passes=(roomy, tight) if roomy else (tight,),
     )

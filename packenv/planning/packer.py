@@ -75,6 +75,12 @@ class Planner:
     passes: Sequence[Sequence[Tier]] | None = None
     play: float = RELEASE_HEIGHT
 
+    @property
+    def clears(self) -> bool:
+        """Whether any tier asks for clearance."""
+        groups = (self.tiers, self.bold or (), self.resort or (), *(self.passes or ()))
+        return any(tier.clearance for tiers in groups for tier in tiers)
+
     def pack(
         self,
         sequence: Sequence[str],
@@ -299,7 +305,7 @@ class _Run:
                 surface = verdict.surface or surface
                 details[constraint.name] = dict(verdict.details)
             else:
-                if len(self.planner.tiers) > 1 or tier.constraints is not None:
+                if self.planner.clears:
                     details["clearance_m"] = round(tier.clearance * self.planner.cell_size, 6)
                 placement = Placement(
                     item=name,

@@ -717,15 +717,33 @@ def test_a_cautious_plan_does_without_a_margin_only_for_what_comes_last(
         state = verdict.state
 
 
-def test_what_has_no_margin_anywhere_is_packed_even_so(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("search", "clearance"), [("3d", 0.0), ("3d", 0.008), ("5d", 0.0), ("5d", 0.008)])
+def test_what_has_no_margin_anywhere_is_packed_even_so(
+    search: str, clearance: float, shelf: Shelf, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Under a tilt beyond the angle of friction everything slides."""
     steep = MarginRule(tilt_deg=math.degrees(math.atan(MARGIN.mu)) + 2.0, mu=MARGIN.mu)
     monkeypatch.setattr("packenv.planning.assembly.MARGIN", steep)
     names = ["book", "brick", "tile"]
-    packing = _planned(shelf, names, constraints="stability", stability="cautious")
+    choice: dict[str, Any] = {"constraints": "stability", "search": search}
+    packing = _planned(shelf, names, **choice, clearance=clearance, stability="cautious")
     assert packing.complete
-    assert {p.route for p in packing.placements} == {"later"}
-    assert not _planned(shelf, names, constraints="stability", stability="margin").placements
+    assert {p.route for p in packing.placements} == {"later" if search == "3d" else "5d"}
+    assert all(("clearance_m" in p.details) == bool(clearance) for p in packing.placements)
+    assert not _planned(shelf, names, **choice, stability="margin").placements
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_caution_costs_no_item(seed: int, shelf: Shelf) -> None:
+    """In boxes that are too small for most orders."""
+    names = [name for name in MESHES if name not in ("board", "block")]
+    order = np.random.default_rng(seed).choice(names, 9).tolist()
+    small = Container(0.14, 0.12, 0.10)
+    packed = {
+        rule: len(_planned(shelf, order, small, constraints="stability", stability=rule).placements)
+        for rule in ("paper", "cautious")
+    }
+    assert packed["cautious"] >= packed["paper"] > 0
 
 
 def test_details_of_a_step(shelf: Shelf) -> None:
