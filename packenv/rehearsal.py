@@ -33,7 +33,7 @@ class Rehearsed:
         packing: the plan.
         worlds: in how many worlds it was carried out.
         survived: in how many of them it succeeded before one in which it failed.
-        plans: how many plans were rehearsed.
+        plans: how many plans were made.
     """
 
     packing: Packing

@@ -157,6 +157,7 @@ def assemble(
         choice.give_up,
         choice.seed,
         tuple(Tier(cells) for cells in levels),
+        clearance=levels[0],
     )
     return _cautious(planner, levels) if constraints and choice.stability == "cautious" else planner
 

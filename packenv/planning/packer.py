@@ -57,6 +57,7 @@ class Planner:
         passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
+        clearance: cells that were asked for; where it is not 0, each placement tells what it got.
     """
 
     heuristic: Heuristic
@@ -74,12 +75,7 @@ class Planner:
     resort: Sequence[Tier] | None = None
     passes: Sequence[Sequence[Tier]] | None = None
     play: float = RELEASE_HEIGHT
-
-    @property
-    def clears(self) -> bool:
-        """Whether any tier asks for clearance."""
-        groups = (self.tiers, self.bold or (), self.resort or (), *(self.passes or ()))
-        return any(tier.clearance for tiers in groups for tier in tiers)
+    clearance: int = 0
 
     def pack(
         self,
@@ -305,7 +301,7 @@ class _Run:
                 surface = verdict.surface or surface
                 details[constraint.name] = dict(verdict.details)
             else:
-                if self.planner.clears:
+                if self.planner.clearance:
                     details["clearance_m"] = round(tier.clearance * self.planner.cell_size, 6)
                 placement = Placement(
                     item=name,
