@@ -127,7 +127,9 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
                 shelf.plan.meshes,
                 shelf.plan.prepared,
                 shelf.physics,
+                urdf,
                 disturbance,
+                column.choice.rehearse,
             )
         execution, plans, success = looped.execution, looped.plans, looped.success
     else:

@@ -19,7 +19,7 @@ from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
-from packenv.rehearsal import pack_rehearsed
+from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, OrderLine, Plan
 
@@ -94,16 +94,9 @@ class PlanStore:
             first = self.plan(order, replace(choice, rehearse=0))
             seconds = first.cpu_s
             start = time.process_time()
-            rehearsed = pack_rehearsed(
-                planner,
-                sequence,
-                prepared,
-                self.box,
-                physics,
-                robot_urdf(),
-                choice.rehearse,
-                Packing.of_plan(first.plan),
-            )
+            rehearsal = Rehearsal(self.box, physics, robot_urdf(), choice.rehearse)
+            known = Packing.of_plan(first.plan)
+            rehearsed = pack_rehearsed(planner, sequence, prepared, rehearsal, first=known)
             packing = rehearsed.packing
             told = rehearsed.metrics
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
@@ -13,7 +14,9 @@ from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.replay import replay
+from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.sim.disturbance import Disturbance
+from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, Session
@@ -23,6 +26,8 @@ DEEPER = 0.003
 """How much deeper or higher than planned an item may come to lie before the rest is planned anew, m."""
 ASIDE = 2
 """Cells by which an item may be off sideways: what comes nearer than that calls for a new plan."""
+WORLDS = 3
+"""Simulated worlds in which the rest of an order is rehearsed, unless the caller says otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +38,7 @@ class ClosedLoopResult:
         execution: in physics; its success needs every planned item placed.
         placements: as they were planned last, in packing sequence; after a collision, more than were placed.
         leftovers: items for which the last plan found no place.
-        plans: how often was planned, the first time included.
+        plans: how many plans were asked, the first one included.
     """
 
     execution: Execution
@@ -54,12 +59,15 @@ def run_closed_loop(
     meshes: Mapping[str, Item],
     prepared: Mapping[str, PreparedItem],
     physics: Mapping[str, PhysicsItem],
+    urdf: Path,
     disturbance: Disturbance | None = None,
+    worlds: int = WORLDS,
 ) -> ClosedLoopResult:
     """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
-    The measured poses become the heightmap. Where the next placement does not fit it any more, the rest of
-    the order is planned anew on it, in the sequence in which it was planned.
+    The measured poses become the heightmap. Where the next placement does not fit it any more, what was
+    planned for the rest of the order is rehearsed from those poses on, and where that fails in any world, the
+    rest is planned anew on the heightmap, and the plan that does best in rehearsal is gone on with.
 
     Args:
         planner: plans the rest.
@@ -68,7 +76,9 @@ def run_closed_loop(
         meshes: every item of the order, of the geometry that is planned with, by name.
         prepared: the same, prepared.
         physics: the same, for physics.
+        urdf: of the robot, for rehearsals.
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
+        worlds: how many to rehearse in, at least 1.
     """
     container, cell = session.container, planner.cell_size
     waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
@@ -93,9 +103,12 @@ def run_closed_loop(
                 continue
         start = Pile(surface, tuple(c.start(resting) for c in planner.constraints))
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
-        again = planner.pack(names, prepared, container, start)
-        plans += 1
-        waiting, leftovers = _expected(again, surface, meshes), again.leftovers
+        lying = tuple(Lying(physics[p.item], pose) for p, pose in zip(done, session.measured(), strict=True))
+        running = Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0)
+        rehearsal = Rehearsal(container, physics, urdf, worlds, lying, feel=True)
+        again = pack_rehearsed(planner, names, prepared, rehearsal, running=running, start=start)
+        plans += again.plans - 1
+        waiting, leftovers = _expected(again.packing, surface, meshes), again.packing.leftovers
     rest = (placement for placement, _ in waiting)
     return ClosedLoopResult(session.result(), (*done, *rest), leftovers, plans)
 
@@ -105,7 +118,7 @@ def _expected(
 ) -> list[tuple[Placement, ContainerMap]]:
     """Placements, each with the heightmap on which it was planned."""
     placements = packing.placements
-    surfaces = packing.surfaces or replay(placements, meshes, packing.container, before.cell_size)
+    surfaces = packing.surfaces or replay(placements, meshes, packing.container, before.cell_size, before)
     return list(zip(placements, (before, *surfaces[:-1]), strict=True)) if placements else []
 
 

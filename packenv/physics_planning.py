@@ -53,6 +53,8 @@ _EACH_DROPPED = 3
 
 _RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, ANYHOW.name: 2.0}
 """How bad a placement under a rule is."""
+_UNASKED = 4.0
+"""How bad one is that physics was not asked for."""
 _TIGHT = 5.0
 """How much worse it is without the clearance that was asked for: a robot that is off by 2 mm collides."""
 
@@ -143,6 +145,23 @@ class PhysicsConstraint:
         return Verdict(True, state=dropped.pile, details=details, surface=known)
 
 
+class Unasked:
+    """In place of a :class:`PhysicsConstraint` on the same states: drops nothing, and knows of no drop."""
+
+    name = "physics"
+
+    def start(self, resting: Sequence[Resting] = ()) -> None:
+        """Nothing is kept."""
+
+    def objection(self, oriented: OrientedItem) -> str | None:
+        """None."""
+        return None
+
+    def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
+        """Agree."""
+        return Verdict(True, state=state, details={"rule": "unasked"})
+
+
 def _travel(was: Lying, now: Lying) -> float:
     """A bound on how far any point of an item got, m."""
     way = now.item.com_at(now.pose) - was.item.com_at(was.pose)
@@ -163,7 +182,8 @@ def make_planner(
     rest in a drop; then the rest of what stands. An item that finds no place so waits until the others are
     placed, and may then come to rest a little off; if nothing helps, equilibrium alone decides, as without
     physics. Where items are left over even so, the order is planned once more with equilibrium alone to
-    decide from the first item on, if restarts are allowed.
+    decide from the first item on, but where physics has what was placed before; and if that is no use either,
+    as under ``paper``. Both if restarts are allowed: so physics costs no item.
 
     Args:
         choice: what the user chose.
@@ -211,7 +231,10 @@ def make_planner(
         tiers=first,
         # An order that does not fit with room to spare may fit without.
         bold=(*first, margin(0), tried(0, strict)) if roomy else None,
-        # Rather a risk than an order that is not packed: as the paper plans, but where physics has the items.
-        resort=(Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
+        # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
+        resort=(
+            (Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
+            tuple(Tier(cells, (*static, Unasked()), risk=_UNASKED) for cells in levels),
+        ),
         passes=(roomy, tight) if roomy else (tight,),
     )

@@ -15,11 +15,13 @@ from packenv.geometry.prepare import prepare_item
 from packenv.io.assets import robot_urdf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf, assemble
-from packenv.planning.constraints import Trial
+from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Packing
+from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
+from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import ExecutionConfig, Session
@@ -100,7 +102,7 @@ def looped(shelf: Shelf, physics: dict[str, PhysicsItem], disturbance: Disturban
     config = ExecutionConfig() if disturbance is None else disturbance.config(ExecutionConfig())
     with Session(Cell.beside(BOX), config, URDF) as session:
         return packing, run_closed_loop(
-            planner, packing, session, shelf.meshes, shelf.prepared, physics, disturbance
+            planner, packing, session, shelf.meshes, shelf.prepared, physics, URDF, disturbance
         )
 
 
@@ -111,14 +113,55 @@ def test_closed_loop_keeps_a_plan_that_holds(shelf: Shelf, physics: dict[str, Ph
     assert [p.item for p in result.placements] == [p.item for p in packing.placements]
 
 
+def test_what_goes_well_in_rehearsal_is_gone_on_with(
+    shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However doubtful the next placement looks."""
+    monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
+    packing, result = looped(shelf, physics, None)
+    assert result.success
+    assert result.plans == 1
+    assert [p.position.tolist() for p in result.placements] == [
+        p.position.tolist() for p in packing.placements
+    ]
+
+
 def test_planning_anew_after_every_item_packs_them_all_too(
     shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Every plan that is under way fails in rehearsal, every new one does not."""
+    asked: list[Rehearsal] = []
+
+    def survived(rehearsal: Rehearsal, packing: Packing) -> tuple[int, frozenset[str]]:
+        new = bool(asked) and asked[-1] is rehearsal
+        asked.append(rehearsal)
+        return (rehearsal.worlds if new else 0), frozenset()
+
     monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
+    monkeypatch.setattr(Rehearsal, "survived", survived)
     _, result = looped(shelf, physics, None)
     assert result.success
     assert result.plans == len(NAMES)
     assert sorted(p.item for p in result.placements) == sorted(NAMES)
+    assert [len(r.lying) for r in asked] == [1, 1, 2, 2, 3, 3]
+
+
+def test_a_rehearsal_goes_on_from_where_things_lie(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+    """With nothing disturbed, halfway through, it is the rest of the whole execution."""
+    packing = planned(PlannerChoice(grasp="paper", clearance=0.012), shelf, physics)
+    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
+    whole = run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), URDF)
+    half = run_tasks(tasks[:2], Cell.beside(BOX), ExecutionConfig(), URDF)
+    lying = [Lying(task.item, pose) for task, pose in zip(tasks[:2], half.final, strict=True)]
+    rest = run_tasks(tasks[2:], Cell.beside(BOX), ExecutionConfig(), URDF, lying=lying)
+    assert rest.success
+    assert [outcome.item for outcome in rest.items] == [task.item.name for task in tasks[2:]]
+    assert len(rest.final) == len(whole.final)
+    for (_, here), (_, there) in zip(rest.final, whole.final, strict=True):
+        assert np.abs(here - there).max() < 1e-3
+    # Elsewhere, what lies there is in the way: nothing is where the plan knows of it.
+    aside = [Lying(lying[0].item, (tasks[2].rotation, tasks[2].position)), lying[1]]
+    assert run_tasks(tasks[2:], Cell.beside(BOX), ExecutionConfig(), URDF, lying=aside).cause == "collision"
 
 
 def test_a_placement_is_still_good_until_something_stands_in_its_way(
@@ -171,3 +214,21 @@ def test_what_a_drop_moved_is_in_the_heightmap_where_it_lies_now() -> None:
     now = measured_map(BOX, GRID.cell_size, [Resting(items["tower"], *lying.pose)])
     assert verdict.surface is not None
     assert (verdict.surface.heights >= now.heights).all()
+
+
+def test_physics_costs_no_item(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+    """Where every drop fails, an order is planned as without physics."""
+
+    class Never(PhysicsConstraint):
+        def check(self, *_: object) -> Verdict:
+            return Verdict(False, "physics-shifts")
+
+    plain = planned(PlannerChoice(stability="paper"), shelf, physics)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("packenv.physics_planning.PhysicsConstraint", Never)
+        packing = planned(PlannerChoice(stability="physics"), shelf, physics)
+        alone = planned(PlannerChoice(stability="physics", restarts=0), shelf, physics)
+    assert packing.complete
+    assert where(packing) == where(plain)
+    assert {p.details["physics"]["rule"] for p in packing.placements} == {"unasked"}  # type: ignore[index]
+    assert not alone.placements

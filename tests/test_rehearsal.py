@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from packenv import rehearsal
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
-from packenv.rehearsal import Rehearsed, pack_rehearsed
+from packenv.rehearsal import ALTERNATIVES, LATER, Rehearsal, Rehearsed, pack_rehearsed
 from packenv.sim.physics_items import PhysicsItem
 from packenv.types import Leftover
 from tests.shapes import box
@@ -36,7 +35,7 @@ def physics() -> dict[str, PhysicsItem]:
 def rehearsed(
     planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], worlds: int = 2, **more: Packing
 ) -> Rehearsed:
-    return pack_rehearsed(planner, NAMES, shelf.prepared, BOX, physics, URDF, worlds, **more)
+    return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(BOX, physics, URDF, worlds), **more)
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +60,11 @@ def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     """Nothing but overlap is asked for: what DBLF leaves hanging over an edge falls, HM's plan stands."""
     names = ["slab", "pole", "plank", "pole", "brick", "plank"]
     loose = make_planner(PlannerChoice("dblf", constraints="overlap"), shelf, BOX, GRID, physics)
-    assert not rehearsal._survives(loose.pack(names, shelf.prepared, BOX), physics, BOX, URDF, 0)
-    done = pack_rehearsed(loose, names, shelf.prepared, BOX, physics, URDF, 1)
+    stage = Rehearsal(BOX, physics, URDF, 1)
+    assert not stage.execution(loose.pack(names, shelf.prepared, BOX), 0).success
+    done = pack_rehearsed(loose, names, shelf.prepared, stage)
     assert (done.plans, done.survived) == (2, 1)
-    assert rehearsal._survives(done.packing, physics, BOX, URDF, 0)
+    assert stage.execution(done.packing, 0).success
     other = replace(loose, heuristic=HEURISTICS["hm"]).pack(names, shelf.prepared, BOX)
     assert where(done.packing) == where(other)
 
@@ -75,15 +75,18 @@ def test_all_alternatives_are_tried_before_it_gives_in(
     """Of plans that all fail, the first of those that survive in most worlds is kept."""
     seen: list[Packing] = []
 
-    def survives(packing: Packing, *_: object) -> bool:
-        if not any(packing is known for known in seen):
-            seen.append(packing)
-        return packing is not seen[0] and len(seen) <= 3 and _[-1] == 0
+    def survived(_: Rehearsal, packing: Packing) -> tuple[int, frozenset[str]]:
+        seen.append(packing)
+        return int(len(seen) in (2, 3)), frozenset({"slab"} if len(seen) == 2 else {"brick"})
 
-    monkeypatch.setattr(rehearsal, "_survives", survives)
+    monkeypatch.setattr(Rehearsal, "survived", survived)
     done = rehearsed(planner, shelf, physics, worlds=3)
-    assert (done.plans, done.worlds, done.survived) == (len(rehearsal.ALTERNATIVES), 3, 1)
+    assert (done.plans, done.worlds, done.survived) == (len(ALTERNATIVES) + LATER, 3, 1)
     assert done.packing is seen[1]
+    # What went wrong in the best of them, and in the last of them, comes last.
+    *_, fourth, fifth = ([p.item for p in packing.placements] for packing in seen)
+    assert fourth == ["brick", "block", "cube", "slab"]
+    assert fifth == ["block", "cube", "slab", "brick"]
 
 
 def test_an_incomplete_plan_gives_way_to_a_fuller_one(

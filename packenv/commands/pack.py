@@ -191,14 +191,12 @@ def _rehearsed(
     first: Packing,
 ) -> tuple[Packing, dict[str, float]]:
     """The packing that is left of a rehearsal, and what the plan tells of it."""
-    from packenv.rehearsal import pack_rehearsed
+    from packenv.rehearsal import Rehearsal, pack_rehearsed
 
-    urdf = robot_urdf()
     physics = as_physics_items(shelf.meshes, parts)
+    rehearsal = Rehearsal(first.container, physics, robot_urdf(), choice.rehearse)
     try:
-        done = pack_rehearsed(
-            planner, sequence, shelf.prepared, first.container, physics, urdf, choice.rehearse, first
-        )
+        done = pack_rehearsed(planner, sequence, shelf.prepared, rehearsal, first=first)
     finally:
         end_planning(planner)
     return done.packing, done.metrics

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from packenv.commands.loading import MAX_CLEARANCE, end_planning, load_fields, prepare_items
 from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
+from packenv.io.assets import robot_urdf
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
@@ -59,7 +60,7 @@ class Again:
             PlanError: the plan's settings are not those of a planner, or its placements not in the container.
         """
         choice, grid = planner_choice(plan, path), _grid(plan, path)
-        self._items, self._physics = items, physics
+        self._items, self._physics, self._worlds = items, physics, choice.rehearse
         self._prepared = prepare_items(items, grid)
         fields = load_fields(items) if choice.constraints != "overlap" else {}
         shelf = Shelf(items, self._prepared, fields)
@@ -72,11 +73,19 @@ class Again:
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ClosedLoopResult:
         """Carry the plan out in closed loop."""
-        from packenv.closed_loop import run_closed_loop
+        from packenv.closed_loop import WORLDS, run_closed_loop
 
         try:
             return run_closed_loop(
-                self._planner, self._start, session, self._items, self._prepared, self._physics, disturbance
+                self._planner,
+                self._start,
+                session,
+                self._items,
+                self._prepared,
+                self._physics,
+                robot_urdf(),
+                disturbance,
+                self._worlds or WORLDS,
             )
         finally:
             end_planning(self._planner)
@@ -93,8 +102,9 @@ def planner_choice(plan: Plan, path: Path) -> PlannerChoice:
         values[name] = plan.settings.get(name)
         if values[name] not in words:
             raise _wrong(plan, path, name, f"one of {words}")
-    for name in ("seed", "restarts"):
-        values[name] = plan.settings.get(name)
+    settings = {"rehearse": 0, **plan.settings}
+    for name in ("seed", "restarts", "rehearse"):
+        values[name] = settings.get(name)
         if not isinstance(values[name], int) or isinstance(values[name], bool) or values[name] < 0:
             raise _wrong(plan, path, name, "a whole number of at least 0")
     clearance = plan.settings.get("clearance", 0.0)

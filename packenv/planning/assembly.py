@@ -183,6 +183,6 @@ def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
         planner,
         tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
         bold=(*roomy, *tight),
-        resort=tuple(Tier(cells, planner.constraints) for cells in levels),
+        resort=(tuple(Tier(cells, planner.constraints) for cells in levels),),
         passes=(roomy, tight) if roomy else (tight,),
     )

@@ -52,8 +52,8 @@ class Planner:
         tiers: how careful to be, the most careful first; a later one is tried where an earlier one leaves no
             packable candidate. The paper has one, without clearance.
         bold: the tiers of a restart of an incomplete packing, in place of ``tiers``; None takes those.
-        resort: the tiers of one more plan, with restarts of its own, of the sequence as it was given, where
-            no restart has placed every item; None, or no restarts, makes none.
+        resort: the tiers of more plans, with restarts of their own, of the sequence as it was given: one
+            after another until one has placed every item, where restarts are allowed and none did.
         passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
@@ -72,7 +72,7 @@ class Planner:
     seed: int = 0
     tiers: Sequence[Tier] = (Tier(),)
     bold: Sequence[Tier] | None = None
-    resort: Sequence[Tier] | None = None
+    resort: Sequence[Sequence[Tier]] = ()
     passes: Sequence[Sequence[Tier]] | None = None
     play: float = RELEASE_HEIGHT
     clearance: int = 0
@@ -114,9 +114,10 @@ class Planner:
             tiers = self.tiers if self.bold is None or best.complete else self.bold
             last = _Run(replace(self, tiers=tiers), items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
-        lost = any(left.reason in _WORTH_A_RESTART for left in best.leftovers)
-        if lost and self.restarts and self.resort is not None:
-            bolder = replace(self, tiers=self.resort, passes=(self.resort,), bold=None, resort=None)
+        for tiers in self.resort if self.restarts else ():
+            if not any(left.reason in _WORTH_A_RESTART for left in best.leftovers):
+                break
+            bolder = replace(self, tiers=tiers, passes=(tiers,), bold=None, resort=())
             best = max(best, bolder.pack(given, items, container, start), key=_goodness)
         return best
 

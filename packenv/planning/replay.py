@@ -10,7 +10,11 @@ from packenv.types import Container, Item, Placement
 
 
 def replay(
-    placements: Sequence[Placement], items: Mapping[str, Item], container: Container, cell_size: float
+    placements: Sequence[Placement],
+    items: Mapping[str, Item],
+    container: Container,
+    cell_size: float,
+    before: ContainerMap | None = None,
 ) -> tuple[ContainerMap, ...]:
     """Rebuild the heightmap after each placement, from the poses alone.
 
@@ -19,11 +23,12 @@ def replay(
         items: the placed items by name.
         container: the box.
         cell_size: m.
+        before: what the container holds already; empty where None.
 
     Raises:
         ValueError: an item is not over the container's floor, or below it.
     """
-    surface = ContainerMap.empty(container, cell_size)
+    surface = before or ContainerMap.empty(container, cell_size)
     surfaces = []
     for step, placement in enumerate(placements, start=1):
         oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)

@@ -12,6 +12,7 @@ from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, Cell
 from packenv.robot.motion import refine
 from packenv.sim.descent import PlacementTask
 from packenv.sim.disturbance import Disturbance
+from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.types import Container, Placement
@@ -52,6 +53,7 @@ def run_tasks(
     config: ExecutionConfig,
     urdf: Path | None,
     disturbance: Disturbance | None = None,
+    lying: Sequence[Lying] = (),
 ) -> Execution:
     """Carry tasks out one after another, open loop, up to the first collision.
 
@@ -61,10 +63,11 @@ def run_tasks(
         config: settings of the nominal world.
         urdf: of the robot; None where no task has joints.
         disturbance: makes world and tasks differ from what was planned.
+        lying: what the container holds already.
     """
     settings = config if disturbance is None else disturbance.config(config)
-    with Session(cell, settings, urdf) as session:
-        for step, task in enumerate(tasks, start=1):
+    with Session(cell, settings, urdf, lying=lying) as session:
+        for step, task in enumerate(tasks, start=len(lying) + 1):
             session.place(task if disturbance is None else disturbance.task(task, step))
             if session.failed:
                 break

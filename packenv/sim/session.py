@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from packenv.geometry.transforms import angle_between
 from packenv.robot.cell import Cell
 from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
+from packenv.sim.drop_test import Lying
 from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
@@ -61,7 +62,7 @@ class ItemOutcome:
         deepest_m: the deepest contact while the robot moved, m; None without any.
         met: what it was with: an item's name or ``container``, "" without any.
         collided: the robot or the held item went deeper than the tolerance.
-        moved: items that were placed before and moved by more than ``DISPLACED`` meanwhile, by index.
+        moved: what lay there before and moved by more than ``DISPLACED`` meanwhile, by index of its pose.
     """
 
     item: str
@@ -89,7 +90,7 @@ class Execution:
             it is where it was planned.
         detail: one phrase for people.
         items: outcomes in packing sequence, up to the collision where there was one.
-        final: measured pose of every item at the end.
+        final: measured pose of every item at the end; of what lay there at the beginning first.
         simulated_s: simulated time.
     """
 
@@ -110,6 +111,7 @@ class Session(Closing):
         config: ExecutionConfig,
         urdf: Path | None,
         *,
+        lying: Sequence[Lying] = (),
         gui: bool = False,
         watch: Callable[[World], None] | None = None,
     ) -> None:
@@ -119,6 +121,7 @@ class Session(Closing):
             cell: container and robot.
             config: settings.
             urdf: of the robot; None where no task has joints.
+            lying: what the container holds already, at rest; it counts as planned where it lies.
             gui: open PyBullet's window.
             watch: called after every step, for cameras.
         """
@@ -127,7 +130,8 @@ class Session(Closing):
         self._robot = None if urdf is None else RobotModel(self.world, cell, urdf)
         self._watch = None if watch is None else lambda: watch(self.world)
         self._outcomes: list[ItemOutcome] = []
-        self._bodies: list[int] = []
+        self._bodies = [self.world.add(thing.item, *thing.pose) for thing in lying]
+        self._planned = [thing.pose for thing in lying]
         self._collision: tuple[Cause, str] | None = None
 
     def close(self) -> None:
@@ -145,7 +149,7 @@ class Session(Closing):
         return self._collision is not None
 
     def measured(self) -> tuple[Pose, ...]:
-        """Poses of the placed items' mesh frames now."""
+        """Poses of all items' mesh frames now; of what lay there at the beginning first."""
         return tuple(self.world.pose(body) for body in self._bodies)
 
     def place(self, task: PlacementTask) -> ItemOutcome:
@@ -161,6 +165,7 @@ class Session(Closing):
         if placed.collided is not None:
             self._collision = self._blame(task, placed)
         self._outcomes.append(outcome)
+        self._planned.append(outcome.planned)
         return outcome
 
     def result(self) -> Execution:
@@ -204,9 +209,9 @@ class Session(Closing):
         return "container" if item is None else item.name
 
     def _displaced(self, k: int) -> bool:
-        if k >= len(self._outcomes):
+        if k >= len(self._planned):
             return False
-        return self._travel(k, self._outcomes[k].planned, self.measured()[k]) > DISPLACED
+        return self._travel(k, self._planned[k], self.measured()[k]) > DISPLACED
 
     def _blame(self, task: PlacementTask, placed: Placed) -> tuple[Cause, str]:
         touch = placed.collided

@@ -479,7 +479,7 @@ def test_the_last_resort_is_for_orders_that_no_restart_completes(share: float, s
     usual, rare = (Tier(constraints=(strict,)),), (Tier(constraints=(lax,)),)
     plans = [
         planner(shelf, strict, tilting=False, tiers=usual, restarts=1, resort=resort)
-        for resort in (None, rare)
+        for resort in ((), (rare,))
     ]
     without, resorting = (plan.pack(NAMES, shelf.prepared, BOX) for plan in plans)
     assert len(resorting.placements) >= len(without.placements)
