@@ -1,4 +1,4 @@
-# `make demo` packs a ten-item order and audits the plan; `make test` runs the tests.
+# `make demo` packs a ten-item order, in three simulated worlds too, and audits the plan; `make test` runs the tests.
 # Each sets up its own .venv from nothing.
 
 PYTHON ?= python3
@@ -11,7 +11,7 @@ OUT := out
 
 demo: $(VENV)/.core
 	mkdir -p $(OUT)
-	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 \
+	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 --rehearse 3 \
 	  --out $(OUT)/plan.json --html $(OUT)/plan.html --png $(OUT)/plan.png
 	$(BIN)/robotpack verify $(OUT)/plan.json
 

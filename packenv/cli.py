@@ -161,14 +161,14 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         type=_count,
         default=0,
         metavar="N",
-        help="with --stability physics: carry the plan out in N simulated worlds, the nominal one and N - 1 "
-        "disturbed ones, and plan with other heuristics where it fails (default: %(default)s)",
+        help="carry the plan out in N simulated worlds, the nominal one and N - 1 disturbed ones, and plan "
+        "otherwise where it fails (default: %(default)s)",
     )
     pack.add_argument(
         "--geometry",
         choices=("mesh", "parts"),
         help="plan on the meshes, or on meshes together with the convex parts that stand for them in physics "
-        "(default: mesh; parts with --stability physics)",
+        "(default: mesh; parts with --stability physics or --rehearse)",
     )
     pack.add_argument(
         "--restarts",

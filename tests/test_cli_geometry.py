@@ -256,15 +256,16 @@ def test_physics_takes_the_smallest_box_that_takes_all(
     assert "physics" in plan["steps"][0]["details"]
 
 
+@pytest.mark.parametrize("stability", ["physics", "paper"])
 def test_a_rehearsed_plan_tells_how_it_went(
-    shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stability: str, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "plan.json"
-    options = ["--stability", "physics", "--clearance", str(CLEARANCE), "--rehearse", "2"]
+    options = ["--stability", stability, "--clearance", str(CLEARANCE), "--rehearse", "2"]
     assert pack(shelf, *options, "--out", path) == 0
     assert "rehearsed: success in 2 of 2 worlds; plans tried: 1" in capsys.readouterr().out
     plan = json.loads(path.read_text())
-    assert plan["settings"]["rehearse"] == 2
+    assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (2, "parts")
     told = {name: value for name, value in plan["metrics"].items() if name.startswith("rehearsal")}
     assert told == {"rehearsal_worlds": 2, "rehearsal_survived": 2, "rehearsal_plans": 1}
     assert main(["execute", str(path), "--catalogue", str(shelf)]) == 0
@@ -298,7 +299,7 @@ def test_clearance_keeps_boxes_apart(shelf: Path, tmp_path: Path, capsys: pytest
         (["--clearance", "0.06"], ["--clearance", "0.06", "0.05"]),
         (["--clearance", "nan"], ["--clearance", "nan"]),
         (["--stability", "physics", "--constraints", "overlap"], ["--stability physics", "robot"]),
-        (["--rehearse", "2"], ["--rehearse 2", "--stability physics"]),
+        (["--rehearse", "2", "--geometry", "mesh"], ["--rehearse 2", "--geometry mesh"]),
         (["--stability", "physics", "--geometry", "mesh"], ["--stability physics", "--geometry mesh"]),
     ],
 )

@@ -108,20 +108,17 @@ def _geometry(arguments: argparse.Namespace) -> Geometry:
         raise InputError(
             f"--clearance {arguments.clearance:g}: is out of range, give metres from 0 to {MAX_CLEARANCE:g}"
         )
-    if arguments.rehearse and arguments.stability != "physics":
-        raise InputError(
-            f"--rehearse {arguments.rehearse}: carries out what was checked in physics; "
-            "give --stability physics as well"
-        )
-    if arguments.stability != "physics":
+    physics = arguments.stability == "physics"
+    if not (physics or arguments.rehearse):
         return arguments.geometry or "mesh"
-    if arguments.constraints == "overlap":
+    if physics and arguments.constraints == "overlap":
         raise InputError(
             "--stability physics: needs force balance, which --constraints overlap leaves out; "
             "give --constraints stability or robot"
         )
     if arguments.geometry == "mesh":
-        raise InputError("--stability physics: knows convex parts alone; leave --geometry mesh out")
+        asks = "--stability physics" if physics else f"--rehearse {arguments.rehearse}"
+        raise InputError(f"{asks}: knows convex parts alone; leave --geometry mesh out")
     return "parts"
 
 
