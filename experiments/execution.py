@@ -19,11 +19,12 @@ from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, 
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv import __version__
-from packenv.closed_loop import run_closed_loop
+from packenv.closed_loop import WORLDS, run_closed_loop
 from packenv.io.assets import robot_urdf
 from packenv.io.rows import row_key
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packing import Packing
+from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.plan_tasks import run_tasks, task_of
@@ -118,7 +119,8 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
     shelf = Worker.store.shelf
     plans, success = 1, None
     if column.closed:
-        planner = Worker.store.planner(column.choice)
+        planner, spares = Worker.store.planner(column.choice), Worker.store.spares(column.choice)
+        rehearsal = Rehearsal(BOX, shelf.physics, urdf, column.choice.rehearse or WORLDS, config)
         with Session(cell, config if disturbance is None else disturbance.config(config), urdf) as session:
             looped = run_closed_loop(
                 planner,
@@ -126,10 +128,9 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
                 session,
                 shelf.plan.meshes,
                 shelf.plan.prepared,
-                shelf.physics,
-                urdf,
+                rehearsal,
                 disturbance,
-                column.choice.rehearse,
+                spares,
             )
         execution, plans, success = looped.execution, looped.plans, looped.success
     else:

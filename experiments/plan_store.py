@@ -15,7 +15,7 @@ from packenv.io.assets import robot_urdf
 from packenv.io.plan_maker import make_plan, with_envelopes
 from packenv.io.plans import read_plan, write_plan
 from packenv.io.rows import row_key
-from packenv.physics_planning import make_planner
+from packenv.physics_planning import make_planner, make_spares
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
@@ -70,6 +70,10 @@ class PlanStore:
         """The planner of a choice, for this container."""
         return make_planner(choice, self.shelf.plan, self.box, self.grid, self.shelf.physics, self.world)
 
+    def spares(self, choice: PlannerChoice) -> tuple[Planner, ...]:
+        """More planners, for rehearsals."""
+        return make_spares(choice, self.shelf.plan, self.box, self.grid)
+
     def plan(self, order: Sequence[str], choice: PlannerChoice) -> StoredPlan:
         """Read the plan of an order, or make and keep it.
 
@@ -96,7 +100,8 @@ class PlanStore:
             start = time.process_time()
             rehearsal = Rehearsal(self.box, physics, robot_urdf(), choice.rehearse)
             known = Packing.of_plan(first.plan)
-            rehearsed = pack_rehearsed(planner, sequence, prepared, rehearsal, first=known)
+            spares = self.spares(choice)
+            rehearsed = pack_rehearsed(planner, sequence, prepared, rehearsal, first=known, spares=spares)
             packing = rehearsed.packing
             told = rehearsed.metrics
         else:

@@ -161,8 +161,8 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         type=_count,
         default=0,
         metavar="N",
-        help="carry the plan out in N simulated worlds, the nominal one and N - 1 disturbed ones, and plan "
-        "otherwise where it fails (default: %(default)s)",
+        help="carry the plan out in N simulated worlds, the nominal one and N - 1 disturbed ones in which "
+        "the robot feels contacts, and plan otherwise where it fails (default: %(default)s)",
     )
     pack.add_argument(
         "--geometry",
@@ -244,7 +244,8 @@ def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     execute.add_argument(
         "--closed-loop",
         action="store_true",
-        help="measure every item's pose after each placement, and plan the rest again when something moved",
+        help="feel contacts, measure every item's pose after each placement, and plan the rest again where "
+        "it would fail",
     )
     execute.add_argument(
         "--settle",

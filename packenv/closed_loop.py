@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
@@ -17,15 +17,14 @@ from packenv.planning.replay import replay
 from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
-from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, Session
 from packenv.types import Item, Leftover, Placement
 
 DEEPER = 0.003
-"""How much deeper or higher than planned an item may come to lie before the rest is planned anew, m."""
+"""How much deeper or higher than planned an item may come to lie before the rest is rehearsed, m."""
 ASIDE = 2
-"""Cells by which an item may be off sideways: what comes nearer than that calls for a new plan."""
+"""Cells by which an item may be off sideways: what comes nearer than that calls for a rehearsal."""
 WORLDS = 3
 """Simulated worlds in which the rest of an order is rehearsed, unless the caller says otherwise."""
 
@@ -38,7 +37,7 @@ class ClosedLoopResult:
         execution: in physics; its success needs every planned item placed.
         placements: as they were planned last, in packing sequence; after a collision, more than were placed.
         leftovers: items for which the last plan found no place.
-        plans: how many plans were asked, the first one included.
+        plans: how many plans were looked at, the first one included.
     """
 
     execution: Execution
@@ -58,10 +57,9 @@ def run_closed_loop(
     session: Session,
     meshes: Mapping[str, Item],
     prepared: Mapping[str, PreparedItem],
-    physics: Mapping[str, PhysicsItem],
-    urdf: Path,
+    rehearsal: Rehearsal,
     disturbance: Disturbance | None = None,
-    worlds: int = WORLDS,
+    spares: Sequence[Planner] = (),
 ) -> ClosedLoopResult:
     """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
@@ -75,11 +73,11 @@ def run_closed_loop(
         session: an empty world.
         meshes: every item of the order, of the geometry that is planned with, by name.
         prepared: the same, prepared.
-        physics: the same, for physics.
-        urdf: of the robot, for rehearsals.
+        rehearsal: of the whole order; the worlds that the robot knows of.
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
-        worlds: how many to rehearse in, at least 1.
+        spares: more planners for the rest.
     """
+    physics = rehearsal.physics
     container, cell = session.container, planner.cell_size
     waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
     leftovers = packing.leftovers
@@ -101,16 +99,27 @@ def run_closed_loop(
             following, believed = waiting[0]
             if _still_good(following, meshes[following.item], believed, surface, planner.play):
                 continue
-        start = Pile(surface, tuple(c.start(resting) for c in planner.constraints))
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
-        lying = tuple(Lying(physics[p.item], pose) for p, pose in zip(done, session.measured(), strict=True))
-        running = Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0)
-        rehearsal = Rehearsal(container, physics, urdf, worlds, lying, feel=True)
-        again = pack_rehearsed(planner, names, prepared, rehearsal, running=running, start=start)
+        lying = tuple(
+            Lying(physics[p.item], (r.rotation, r.position)) for p, r in zip(done, resting, strict=True)
+        )
+        again = pack_rehearsed(
+            planner,
+            names,
+            prepared,
+            replace(rehearsal, lying=lying),
+            running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
+            start=partial(_pile, surface, resting),
+            spares=spares,
+        )
         plans += again.plans - 1
         waiting, leftovers = _expected(again.packing, surface, meshes), again.packing.leftovers
     rest = (placement for placement, _ in waiting)
     return ClosedLoopResult(session.result(), (*done, *rest), leftovers, plans)
+
+
+def _pile(surface: ContainerMap, resting: Sequence[Resting], planner: Planner) -> Pile:
+    return planner.pile(surface, resting)
 
 
 def _expected(

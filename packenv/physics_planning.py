@@ -53,8 +53,6 @@ _EACH_DROPPED = 3
 
 _RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, ANYHOW.name: 2.0}
 """How bad a placement under a rule is."""
-_UNASKED = 4.0
-"""How bad one is that physics was not asked for."""
 _TIGHT = 5.0
 """How much worse it is without the clearance that was asked for: a robot that is off by 2 mm collides."""
 
@@ -151,7 +149,7 @@ class Unasked:
     name = "physics"
 
     def start(self, resting: Sequence[Resting] = ()) -> None:
-        """Nothing is kept."""
+        """Nothing is kept; the constraint whose place it takes keeps the states."""
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """None."""
@@ -234,7 +232,25 @@ def make_planner(
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
         resort=(
             (Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
-            tuple(Tier(cells, (*static, Unasked()), risk=_UNASKED) for cells in levels),
+            tuple(Tier(cells, (*static, Unasked())) for cells in levels),
         ),
         passes=(roomy, tight) if roomy else (tight,),
     )
+
+
+def make_spares(
+    choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig
+) -> tuple[Planner, ...]:
+    """Planners to ask where every plan of the chosen one fails in rehearsal (:mod:`packenv.rehearsal`).
+
+    Physics knows places of an item's own; the cautious rule knows others, and is cheap.
+
+    Args:
+        choice: what the user chose.
+        shelf: every item of the order.
+        container: the box.
+        grid: the discretization that ``shelf.prepared`` was made with.
+    """
+    if choice.stability != "physics":
+        return ()
+    return (assemble(replace(choice, stability="cautious"), shelf, container, grid),)

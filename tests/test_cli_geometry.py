@@ -299,6 +299,7 @@ def test_clearance_keeps_boxes_apart(shelf: Path, tmp_path: Path, capsys: pytest
         (["--clearance", "0.06"], ["--clearance", "0.06", "0.05"]),
         (["--clearance", "nan"], ["--clearance", "nan"]),
         (["--stability", "physics", "--constraints", "overlap"], ["--stability physics", "robot"]),
+        (["--rehearse", "101"], ["--rehearse 101", "100"]),
         (["--rehearse", "2", "--geometry", "mesh"], ["--rehearse 2", "--geometry mesh"]),
         (["--stability", "physics", "--geometry", "mesh"], ["--stability physics", "--geometry mesh"]),
     ],

@@ -24,7 +24,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
-from packenv.sim.session import ExecutionConfig, Session
+from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, Item
 from tests.shapes import box
@@ -102,7 +102,13 @@ def looped(shelf: Shelf, physics: dict[str, PhysicsItem], disturbance: Disturban
     config = ExecutionConfig() if disturbance is None else disturbance.config(ExecutionConfig())
     with Session(Cell.beside(BOX), config, URDF) as session:
         return packing, run_closed_loop(
-            planner, packing, session, shelf.meshes, shelf.prepared, physics, URDF, disturbance
+            planner,
+            packing,
+            session,
+            shelf.meshes,
+            shelf.prepared,
+            Rehearsal(BOX, physics, URDF, 2),
+            disturbance,
         )
 
 
@@ -132,18 +138,21 @@ def test_planning_anew_after_every_item_packs_them_all_too(
     """Every plan that is under way fails in rehearsal, every new one does not."""
     asked: list[Rehearsal] = []
 
-    def survived(rehearsal: Rehearsal, packing: Packing) -> tuple[int, frozenset[str]]:
+    really = Rehearsal.execution
+
+    def execution(rehearsal: Rehearsal, packing: Packing, world: int) -> Execution:
+        done = really(rehearsal, packing, world)
         new = bool(asked) and asked[-1] is rehearsal
         asked.append(rehearsal)
-        return (rehearsal.worlds if new else 0), frozenset()
+        return done if new else replace(done, success=False)
 
     monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
-    monkeypatch.setattr(Rehearsal, "survived", survived)
+    monkeypatch.setattr(Rehearsal, "execution", execution)
     _, result = looped(shelf, physics, None)
     assert result.success
     assert result.plans == len(NAMES)
     assert sorted(p.item for p in result.placements) == sorted(NAMES)
-    assert [len(r.lying) for r in asked] == [1, 1, 2, 2, 3, 3]
+    assert [len(r.lying) for r in asked] == [1, 1, 1, 2, 2, 2, 3, 3, 3]
 
 
 def test_a_rehearsal_goes_on_from_where_things_lie(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:

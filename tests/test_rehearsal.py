@@ -6,16 +6,22 @@ from dataclasses import replace
 
 import pytest
 
-from packenv.physics_planning import make_planner
+from packenv.physics_planning import make_planner, make_spares
 from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.rehearsal import ALTERNATIVES, LATER, Rehearsal, Rehearsed, pack_rehearsed
+from packenv.robot.cell import Cell
+from packenv.sim.descent import PlacementTask
+from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
+from packenv.sim.plan_tasks import run_tasks
+from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
 from tests.shapes import box
-from tests.sim.bodies import URDF, convex
+from tests.sim.bodies import BOX as HAND_BOX
+from tests.sim.bodies import URDF, brick, by_hand, convex, slipped
 from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, shelf_of, where
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
@@ -74,19 +80,85 @@ def test_all_alternatives_are_tried_before_it_gives_in(
 ) -> None:
     """Of plans that all fail, the first of those that survive in most worlds is kept."""
     seen: list[Packing] = []
+    last = ["slab", "cube", "cube", "brick", "brick"]
 
-    def survived(_: Rehearsal, packing: Packing) -> tuple[int, frozenset[str]]:
-        seen.append(packing)
-        return int(len(seen) in (2, 3)), frozenset({"slab"} if len(seen) == 2 else {"brick"})
+    def execution(_: Rehearsal, packing: Packing, world: int) -> Execution:
+        if not any(packing is known for known in seen):
+            seen.append(packing)
+        number = [packing is known for known in seen].index(True)
+        success = world > 0 and (number in (2, 4) or (number == 1 and world == 1))
+        return Execution(success, None, last[number], (), (), 0.0)
 
-    monkeypatch.setattr(Rehearsal, "survived", survived)
+    monkeypatch.setattr(Rehearsal, "execution", execution)
+    monkeypatch.setattr(Rehearsal, "astray", lambda _, execution: frozenset({execution.detail}))
     done = rehearsed(planner, shelf, physics, worlds=3)
-    assert (done.plans, done.worlds, done.survived) == (len(ALTERNATIVES) + LATER, 3, 1)
-    assert done.packing is seen[1]
-    # What went wrong in the best of them, and in the last of them, comes last.
+    assert (done.plans, done.worlds, done.survived) == (len(ALTERNATIVES) + LATER, 3, 2)
+    assert done.packing is seen[2]
+    # What went wrong in the planner's own plan comes last, then also what went wrong so.
     *_, fourth, fifth = ([p.item for p in packing.placements] for packing in seen)
     assert fourth == ["brick", "block", "cube", "slab"]
     assert fifth == ["block", "cube", "slab", "brick"]
+
+
+def test_what_is_under_way_is_given_up_for_what_does_as_well(
+    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Rehearsal, "execution", lambda *_: Execution(False, None, "", (), (), 0.0))
+    running = planner.pack(NAMES, shelf.prepared, BOX)
+    first = planner.pack(NAMES, shelf.prepared, BOX)
+    assert rehearsed(planner, shelf, physics, running=running, first=first).packing is first
+
+
+def test_spares_are_asked_last(
+    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (spare,) = make_spares(PlannerChoice(stability="physics"), shelf, BOX, GRID)
+    other = spare.pack(NAMES, shelf.prepared, BOX)
+    assert where(other) != where(planner.pack(NAMES, shelf.prepared, BOX))
+
+    def execution(_: Rehearsal, packing: Packing, world: int) -> Execution:
+        return Execution(where(packing) == where(other), None, "", (), (), 0.0)
+
+    monkeypatch.setattr(Rehearsal, "execution", execution)
+    stage = Rehearsal(BOX, physics, URDF, 2)
+    done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
+    assert where(done.packing) == where(other)
+    assert (done.survived, done.plans) == (2, len(ALTERNATIVES) + 1)
+    assert make_spares(PlannerChoice(), shelf, BOX, GRID) == ()
+
+
+def test_what_can_never_fit_is_not_planned_again(
+    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem]
+) -> None:
+    own = planner.pack(NAMES, shelf.prepared, BOX)
+    for reason, again in (("larger-than-container", False), ("no-legal-candidate", True)):
+        partial = replace(own, leftovers=(Leftover("slab", 2, reason, ""),))
+        assert (rehearsed(planner, shelf, physics, worlds=1, first=partial).plans > 1) == again
+
+
+def test_who_is_to_blame() -> None:
+    """The one that collides; what it meets away from its place; what sticks out; what pushed that."""
+    bricks = {name: brick(name=name) for name in ("first", "second")}
+    stage = Rehearsal(HAND_BOX, bricks, URDF, 1)
+
+    def failed(*tasks: PlacementTask, lying: tuple[Lying, ...] = ()) -> Execution:
+        execution = run_tasks(tasks, Cell.beside(HAND_BOX), ExecutionConfig(), None, None, lying)
+        assert not execution.success
+        return execution
+
+    first = by_hand(bricks["first"], (0.1, 0.1, 0.0))
+    assert stage.astray(failed(first, by_hand(bricks["second"], (0.15, 0.1, 0.0)))) == {"second"}
+    away = by_hand(bricks["first"], (0.02, 0.1, 0.0), slipped(0.03, 0.0))
+    assert stage.astray(failed(away, by_hand(bricks["second"], (0.13, 0.1, 0.0)))) == {"first"}
+    high = brick(0.1, 0.1, 0.33, "first")
+    execution = failed(by_hand(high, (0.1, 0.1, 0.0)))
+    assert replace(stage, physics={"first": high}).astray(execution) == {"first"}
+    lying = (Lying(high, execution.final[0]),)
+    beside = failed(by_hand(bricks["second"], (0.0, 0.0, 0.0)), lying=lying)
+    known = replace(stage, lying=lying)
+    assert known.astray(beside) == set()
+    pushed = replace(beside, items=(replace(beside.items[0], moved=(0,)),))
+    assert known.astray(pushed) == {"second"}
 
 
 def test_an_incomplete_plan_gives_way_to_a_fuller_one(

@@ -107,7 +107,7 @@ class _Carried:
     Attributes:
         execution: in physics.
         plan: as it was in the end.
-        plans: how often was planned, in closed loop; None in open loop.
+        plans: how many plans were looked at, in closed loop; None in open loop.
     """
 
     execution: Execution
@@ -214,7 +214,7 @@ def _closed_loop(
     config: ExecutionConfig,
     arguments: argparse.Namespace,
 ) -> _CarryOut:
-    """Measure after every placement, and plan the rest again when something moved."""
+    """Measure after every placement, and plan the rest again where it would fail."""
     from packenv.commands.planning_again import Again, renumbered
 
     again = Again(plan, arguments.plan, shapes, physics, config)

@@ -31,7 +31,7 @@ from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan, with_envelopes
 from packenv.io.plans import plan_to_json, write_plan
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.assembly import MAX_WORLDS, PlannerChoice, Shelf, assemble
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
 from packenv.types import Container, Item, Plan
@@ -76,8 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     make = _planner_maker(choice, shelf, grid, parts)
     packing, choice = _smallest(containers, choice, sequence, shelf, make)
     told: dict[str, float] = {}
-    if choice.rehearse:
-        packing, told = _rehearsed(make(choice, packing.container), sequence, shelf, parts, choice, packing)
+    if choice.rehearse and packing.placements:
+        packing, told = _rehearsed(packing, sequence, shelf, parts, grid, choice, make)
     plan = make_plan(
         packing,
         order.lines,
@@ -108,6 +108,8 @@ def _geometry(arguments: argparse.Namespace) -> Geometry:
         raise InputError(
             f"--clearance {arguments.clearance:g}: is out of range, give metres from 0 to {MAX_CLEARANCE:g}"
         )
+    if arguments.rehearse > MAX_WORLDS:
+        raise InputError(f"--rehearse {arguments.rehearse}: is too many, give at most {MAX_WORLDS} worlds")
     physics = arguments.stability == "physics"
     if not (physics or arguments.rehearse):
         return arguments.geometry or "mesh"
@@ -167,7 +169,7 @@ def _smallest(
     for box, rule in itertools.product(containers[:-1], rules):
         packing = _packed(make(rule, box), sequence, shelf, box)
         if packing.complete:
-            return packing, rule
+            return packing, replace(choice, stability=rule.stability)
     box = containers[-1]
     return _packed(make(choice, box), sequence, shelf, box), choice
 
@@ -180,20 +182,24 @@ def _packed(planner: Planner, sequence: Sequence[str], shelf: Shelf, box: Contai
 
 
 def _rehearsed(
-    planner: Planner,
+    first: Packing,
     sequence: Sequence[str],
     shelf: Shelf,
     parts: Mapping[str, ConvexParts],
+    grid: GridConfig,
     choice: PlannerChoice,
-    first: Packing,
+    make: _MakePlanner,
 ) -> tuple[Packing, dict[str, float]]:
     """The packing that is left of a rehearsal, and what the plan tells of it."""
+    from packenv.physics_planning import make_spares
     from packenv.rehearsal import Rehearsal, pack_rehearsed
 
+    box = first.container
+    planner, spares = make(choice, box), make_spares(choice, shelf, box, grid)
     physics = as_physics_items(shelf.meshes, parts)
-    rehearsal = Rehearsal(first.container, physics, robot_urdf(), choice.rehearse)
+    rehearsal = Rehearsal(box, physics, robot_urdf(), choice.rehearse)
     try:
-        done = pack_rehearsed(planner, sequence, shelf.prepared, rehearsal, first=first)
+        done = pack_rehearsed(planner, sequence, shelf.prepared, rehearsal, first=first, spares=spares)
     finally:
         end_planning(planner)
     return done.packing, done.metrics
@@ -239,8 +245,7 @@ def _report(plan: Plan, arguments: argparse.Namespace) -> None:
     )
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
-        end = "" if survived == worlds else ", a failure in the next"
-        say(f"rehearsed: success in {survived} of {worlds} worlds{end}; plans tried: {plans}")
+        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}")
     for option in ("out", "html", "png"):
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")

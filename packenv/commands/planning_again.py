@@ -7,21 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from packenv.closed_loop import WORLDS, ClosedLoopResult, run_closed_loop
 from packenv.commands.loading import MAX_CLEARANCE, end_planning, load_fields, prepare_items
 from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
 from packenv.io.assets import robot_urdf
-from packenv.physics_planning import make_planner
-from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
+from packenv.physics_planning import make_planner, make_spares
+from packenv.planning.assembly import MAX_WORLDS, Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.packing import Packing
 from packenv.planning.replay import replay
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability_constraint import ContactRule
+from packenv.rehearsal import Rehearsal
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:
-    from packenv.closed_loop import ClosedLoopResult
     from packenv.sim.disturbance import Disturbance
     from packenv.sim.physics_items import PhysicsItem
     from packenv.sim.session import ExecutionConfig, Session
@@ -54,13 +55,13 @@ class Again:
             path: its file, for messages.
             items: every placed and every left-over item by name, as the geometry that the plan was made with.
             physics: the same items, for physics.
-            config: of the world in which a plan with ``stability`` ``physics`` tries placements.
+            config: of the nominal world, in which placements are tried and the rest is rehearsed.
 
         Raises:
             PlanError: the plan's settings are not those of a planner, or its placements not in the container.
         """
         choice, grid = planner_choice(plan, path), _grid(plan, path)
-        self._items, self._physics, self._worlds = items, physics, choice.rehearse
+        self._items = items
         self._prepared = prepare_items(items, grid)
         fields = load_fields(items) if choice.constraints != "overlap" else {}
         shelf = Shelf(items, self._prepared, fields)
@@ -70,11 +71,12 @@ class Again:
             raise PlanError(f"{path}: {problem}, plan again") from None
         self._start = Packing.of_plan(plan, surfaces)
         self._planner = make_planner(choice, shelf, plan.container, grid, physics, config.world)
+        self._spares = make_spares(choice, shelf, plan.container, grid)
+        worlds = choice.rehearse or WORLDS
+        self._rehearsal = Rehearsal(plan.container, physics, robot_urdf(), worlds, config)
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ClosedLoopResult:
         """Carry the plan out in closed loop."""
-        from packenv.closed_loop import WORLDS, run_closed_loop
-
         try:
             return run_closed_loop(
                 self._planner,
@@ -82,10 +84,9 @@ class Again:
                 session,
                 self._items,
                 self._prepared,
-                self._physics,
-                robot_urdf(),
+                self._rehearsal,
                 disturbance,
-                self._worlds or WORLDS,
+                self._spares,
             )
         finally:
             end_planning(self._planner)
@@ -102,15 +103,17 @@ def planner_choice(plan: Plan, path: Path) -> PlannerChoice:
         values[name] = plan.settings.get(name)
         if values[name] not in words:
             raise _wrong(plan, path, name, f"one of {words}")
-    settings = {"rehearse": 0, **plan.settings}
-    for name in ("seed", "restarts", "rehearse"):
-        values[name] = settings.get(name)
+    for name in ("seed", "restarts"):
+        values[name] = plan.settings.get(name)
         if not isinstance(values[name], int) or isinstance(values[name], bool) or values[name] < 0:
             raise _wrong(plan, path, name, "a whole number of at least 0")
     clearance = plan.settings.get("clearance", 0.0)
     if not isinstance(clearance, int | float) or not 0.0 <= clearance <= MAX_CLEARANCE:
         raise _wrong(plan, path, "clearance", f"metres between 0 and {MAX_CLEARANCE:g}")
-    return PlannerChoice(**values, clearance=float(clearance))
+    worlds = plan.settings.get("rehearse", 0)
+    if not isinstance(worlds, int) or isinstance(worlds, bool) or not 0 <= worlds <= MAX_WORLDS:
+        raise _wrong(plan, path, "rehearse", f"a whole number from 0 to {MAX_WORLDS}")
+    return PlannerChoice(**values, clearance=float(clearance), rehearse=worlds)
 
 
 def renumbered(plan: Plan, result: ClosedLoopResult) -> Plan:

@@ -39,7 +39,7 @@ def execution_to_json(
         config: settings of the nominal world.
         disturbance: how the world differed from it; None for the nominal world.
         plan: the plan file's name.
-        plans: how many plans were asked, in closed loop; None in open loop.
+        plans: how many plans were looked at, in closed loop; None in open loop.
         leftovers: items that should have been placed and found no place any more; any is a failure.
     """
     items = [

@@ -198,12 +198,15 @@ def _stability_figures(details: Mapping[str, Any]) -> dict[str, object]:
 
 
 def _physics_figures(details: Mapping[str, Any]) -> dict[str, object]:
+    rule = str(details.get("rule", "strict"))
+    if rule == "unasked":
+        return {"In a drop": "not tried"}
     shift, sink = float(details["shift_m"]) * 1e3, float(details["sink_m"]) * 1e3
     figures: dict[str, object] = {
         "In a drop": f"shifts {shift:.1f} mm, sinks {sink:.1f} mm, turns {float(details['turned_deg']):.1f}°"
     }
-    if details.get("rule", "strict") != "strict":
-        figures["Drop judged"] = str(details["rule"])
+    if rule != "strict":
+        figures["Drop judged"] = rule
     return figures
 
 

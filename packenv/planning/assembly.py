@@ -30,6 +30,8 @@ Search: TypeAlias = Literal["3d", "5d"]
 
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
+MAX_WORLDS = 100
+"""Most worlds in which a plan is carried out before it is given out."""
 EACH_WARY = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
@@ -55,7 +57,7 @@ class PlannerChoice:
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
-            (:mod:`packenv.rehearsal`); read for ``physics`` alone, and by whoever asks the planner.
+            (:mod:`packenv.rehearsal`); read by whoever asks the planner.
         with_margin: report the margin of every placed item, a few milliseconds each.
     """
 

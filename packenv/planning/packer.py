@@ -14,6 +14,7 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.measured import Resting
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.scores import Heuristic
 from packenv.planning.turns import Tier, in_tier, ranked, still_open
@@ -25,8 +26,6 @@ Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 
 _ORIENTATION = "orientation-"
 """Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
-
-_WORTH_A_RESTART = ("no-legal-candidate", "no-packable-candidate")
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -53,7 +52,8 @@ class Planner:
             packable candidate. The paper has one, without clearance.
         bold: the tiers of a restart of an incomplete packing, in place of ``tiers``; None takes those.
         resort: the tiers of more plans, with restarts of their own, of the sequence as it was given: one
-            after another until one has placed every item, where restarts are allowed and none did.
+            after another until one has placed every item, where restarts are allowed and none did. Such a
+            plan has to place more items than those before it.
         passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with ``tiers``.
         play: height of the release above the placement, m.
@@ -76,6 +76,15 @@ class Planner:
     passes: Sequence[Sequence[Tier]] | None = None
     play: float = RELEASE_HEIGHT
     clearance: int = 0
+
+    def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
+        """A container to start with.
+
+        Args:
+            surface: its heightmap.
+            resting: what lies in it.
+        """
+        return Pile(surface, tuple(constraint.start(resting) for constraint in self.constraints))
 
     def pack(
         self,
@@ -103,7 +112,7 @@ class Planner:
         best = _Run(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
         for k in range(self.restarts):
-            late = [left.item for left in last.leftovers if left.reason in _WORTH_A_RESTART]
+            late = list(last.lost)
             # Once: it costs a whole plan.
             late += last.makeshift if k == 0 else ()
             rest = list((Counter(sequence) - Counter(late)).elements())
@@ -115,10 +124,12 @@ class Planner:
             last = _Run(replace(self, tiers=tiers), items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
         for tiers in self.resort if self.restarts else ():
-            if not any(left.reason in _WORTH_A_RESTART for left in best.leftovers):
+            if not best.improvable:
                 break
             bolder = replace(self, tiers=tiers, passes=(tiers,), bold=None, resort=())
-            best = max(best, bolder.pack(given, items, container, start), key=_goodness)
+            found = bolder.pack(given, items, container, start)
+            if len(found.placements) > len(best.placements):
+                best = found
         return best
 
 

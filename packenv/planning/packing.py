@@ -22,6 +22,10 @@ class Pile:
     states: tuple[Any, ...] = ()
 
 
+_PERHAPS = ("no-legal-candidate", "no-packable-candidate")
+"""Reasons of leftovers that may be placed in another sequence."""
+
+
 @dataclass(frozen=True, eq=False)
 class Packing:
     """What became of an order in one container.
@@ -54,3 +58,13 @@ class Packing:
     def complete(self) -> bool:
         """True where every item is placed."""
         return not self.leftovers
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Leftovers that another plan may have a place for."""
+        return tuple(left.item for left in self.leftovers if left.reason in _PERHAPS)
+
+    @property
+    def improvable(self) -> bool:
+        """True where there are such leftovers."""
+        return bool(self.lost)
