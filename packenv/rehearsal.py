@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.assembly import MAX_WORLDS
 from packenv.planning.packer import Planner
@@ -18,7 +20,7 @@ from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, ExecutionConfig, feeling
-from packenv.sim.verdicts import OUT
+from packenv.sim.verdicts import DISPLACED, OUT
 from packenv.types import Container
 
 Start: TypeAlias = Callable[[Planner], Pile]
@@ -32,6 +34,9 @@ RESTARTS = 1
 """Most restarts of each of them."""
 LATER = 2
 """Most plans with what went wrong at the end of the sequence, where no heuristic's plan survives."""
+
+RANKED = 4
+"""Most plans that are carried out in all worlds where every plan fails in one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,23 +80,27 @@ class Rehearsal:
         return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
 
     def astray(self, execution: Execution) -> frozenset[str]:
-        """Items of a plan to which its failure is owed, as far as they can be told.
+        """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
 
-        After a collision, what was met away from its place, else what met it. Where items stick out: those;
-        where it is one that lay there before, what pushed it.
+        What is away from its place; where nothing that was met is, what met it; what sticks out, and where
+        that is an item that lay there before, what pushed it.
         """
-        names = [outcome.item for outcome in execution.items]
-        last = execution.items[-1] if execution.items else None
-        if last is not None and last.collided:
-            gone = execution.cause == "item-displaced" and last.met in names
-            return frozenset({last.met if gone else last.item})
         before = len(self.lying)
-        items = [*(thing.item for thing in self.lying), *(self.physics[name] for name in names)]
+        items = [*(thing.item for thing in self.lying), *(self.physics[o.item] for o in execution.items)]
         found = set()
         for k, (item, pose) in enumerate(zip(items, execution.final, strict=True)):
+            outcome = execution.items[k - before] if k >= before else None
+            if outcome is not None and outcome.collided:
+                if execution.cause == "collision":
+                    found.add(outcome.item)
+                continue
+            if outcome is not None:
+                way = item.com_at(pose) - item.com_at(outcome.planned)
+                if float(np.linalg.norm(way)) > DISPLACED:
+                    found.add(outcome.item)
             if item.beyond(self.container, *pose) > OUT:
-                pushed = {outcome.item for outcome in execution.items if k in outcome.moved}
-                found |= {names[k - before]} if k >= before else pushed
+                pushed = {o.item for o in execution.items if k in o.moved}
+                found |= pushed if outcome is None else {outcome.item}
         return frozenset(found)
 
 
@@ -134,10 +143,10 @@ def pack_rehearsed(
 ) -> Rehearsed:
     """Plan an order, carry the plan out in simulation, and plan otherwise until one plan survives.
 
-    First by other heuristics; then with what went wrong at the end of the sequence, where little comes after
-    that could meet it; then likewise by other planners. A plan's rehearsal ends with the first world in which
-    it fails, for worlds are dear. Where no plan survives them all, those that place the most items are
-    carried out in the other worlds too. What succeeds in most is kept, of such what fails latest.
+    First by the spares, then by the planner: by other heuristics, and with what went wrong at the end of the
+    sequence, where little comes after that could meet it. A plan's rehearsal ends with the first world in
+    which it fails, for worlds are dear. Where no plan survives them all, of those that place the most items the few
+    that got farthest are carried out in all worlds. What succeeds in most is kept, of such what fails latest.
 
     Args:
         planner: plans; its heuristic is tried first.
@@ -146,18 +155,12 @@ def pack_rehearsed(
         rehearsal: where to carry plans out.
         first: what the planner packs, where that is known already.
         running: a plan that is under way: rehearsed before any is made, and given up for one as good.
+            The planner's own comes after the spares' then, for somebody waits.
         start: what the container holds already; empty where None.
-        spares: planners to ask where every plan fails.
+        spares: planners that are cheap to ask.
     """
     search = _Search(list(sequence), items, rehearsal, start)
-    if running is not None and search.take(running):
-        return search.result()
-    if search.take(first or search.pack(planner)):
-        return search.result()
-    if not search.among_variants(planner):
-        for spare in spares:
-            if search.take(search.pack(spare)) or search.among_variants(spare):
-                break
+    any(search.take(packing) for packing in search.plans(planner, first, running, spares))
     return search.result(running)
 
 
@@ -215,13 +218,23 @@ class _Search:
         """Items of the fullest plan."""
         return max(len(found.packing.placements) for found in self.tried)
 
-    def among_variants(self, planner: Planner) -> bool:
-        """Rehearse variants of a planner whose own plan failed; True where one survives."""
-        return any(self.take(packing) for packing in self.variants(planner))
+    def plans(
+        self, planner: Planner, first: Packing | None, running: Packing | None, spares: Sequence[Planner]
+    ) -> Iterator[Packing]:
+        """Plans in the sequence in which they are worth a rehearsal, which comes between them."""
+        yield running or first or self.pack(planner)
+        blamed = self.astray
+        for spare in spares:
+            yield self.pack(spare)
+            yield from self.variants(spare, self.astray)
+        if running is not None:
+            yield first or self.pack(planner)
+            blamed = self.astray
+        yield from self.variants(planner, blamed)
 
-    def variants(self, planner: Planner) -> Iterator[Packing]:
-        """Plans by other heuristics, then with what went wrong late; ``astray`` tells of the last one."""
-        late = set(self.astray)
+    def variants(self, planner: Planner, blamed: set[str]) -> Iterator[Packing]:
+        """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
+        late = set(blamed)
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
         brief = replace(planner, restarts=min(planner.restarts, RESTARTS), resort=())
         for name in ALTERNATIVES:
@@ -238,14 +251,15 @@ class _Search:
             yield self.pack(straight, sequence)
             late |= self.astray
 
-    def result(self, running: Packing | None = None) -> Rehearsed:
+    def result(self, running: Packing | None) -> Rehearsed:
         """The best plan."""
         best = self.tried[-1]
         if not best.flawless:
             fullest = [found for found in self.tried if len(found.packing.placements) == self.most()]
-            for found in fullest:
+            hopeful = sorted(fullest, key=lambda f: (f.survived, f.released), reverse=True)[:RANKED]
+            for found in hopeful:
                 self.carry_out_elsewhere(found)
-            best = max(fullest, key=lambda f: (f.survived, f.released, f.packing is not running))
+            best = max(hopeful, key=lambda f: (f.survived, f.released, f.packing is not running))
         return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried))
 
     def carry_out_elsewhere(self, found: _Tried) -> None:
