@@ -34,7 +34,6 @@ RESTARTS = 1
 """Most restarts of each of them."""
 LATER = 2
 """Most plans with what went wrong at the end of the sequence, where no heuristic's plan survives."""
-
 RANKED = 4
 """Most plans that are carried out in all worlds where every plan fails in one."""
 
@@ -145,8 +144,9 @@ def pack_rehearsed(
 
     First by the spares, then by the planner: by other heuristics, and with what went wrong at the end of the
     sequence, where little comes after that could meet it. A plan's rehearsal ends with the first world in
-    which it fails, for worlds are dear. Where no plan survives them all, of those that place the most items the few
-    that got farthest are carried out in all worlds. What succeeds in most is kept, of such what fails latest.
+    which it fails, for worlds are dear. Where no plan survives them all, of those that place the most items
+    the few that got farthest are carried out in all worlds. What succeeds in most is kept, of such what fails
+    latest.
 
     Args:
         planner: plans; its heuristic is tried first.
