@@ -28,6 +28,8 @@ Start: TypeAlias = Callable[[Planner], Pile]
 
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
+SETTLE = 3.0
+"""Longest time for coming to rest, s: what moves on after that does so for long, and worlds are dear."""
 ALTERNATIVES = ("hm", "dblf", "mta")
 """Heuristics that are tried, after the planner's own, where a plan fails."""
 RESTARTS = 1
@@ -74,7 +76,9 @@ class Rehearsal:
         """What becomes of a plan in a world: 0 is the nominal one."""
         tasks = [task_of(p, self.physics[p.item], self.container) for p in packing.placements]
         disturbance = Disturbance(SEED + world) if world else None
-        config = feeling(self.config) if world else self.config
+        motion = replace(self.config.motion, settle=min(SETTLE, self.config.motion.settle))
+        config = replace(self.config, motion=motion)
+        config = feeling(config) if world else config
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
         return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
 
