@@ -120,7 +120,7 @@ def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> d
     plans, success = 1, None
     if column.closed:
         planner, spares = Worker.store.planner(column.choice), Worker.store.spares(column.choice)
-        rehearsal = Rehearsal(BOX, shelf.physics, urdf, column.choice.rehearse or WORLDS, config)
+        rehearsal = Rehearsal(BOX, shelf.physics, urdf, WORLDS, config)
         with Session(cell, config if disturbance is None else disturbance.config(config), urdf) as session:
             looped = run_closed_loop(
                 planner,

@@ -26,7 +26,7 @@ DEEPER = 0.003
 ASIDE = 2
 """Cells by which an item may be off sideways: what comes nearer than that calls for a rehearsal."""
 WORLDS = 3
-"""Simulated worlds in which the rest of an order is rehearsed, unless the caller says otherwise."""
+"""Simulated worlds in which to rehearse the rest of an order: somebody waits."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -209,8 +209,7 @@ def test_a_closed_loop_tells_of_every_item_after_a_collision(
 
 
 def test_a_closed_loop_needs_the_planner_s_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    wrong = (("heuristic", "best"), ("seed", None), ("n_poses", 0), ("grid_step", 0.0033), ("rehearse", 101))
-    for name, value in wrong:
+    for name, value in (("heuristic", "best"), ("seed", None), ("n_poses", 0), ("grid_step", 0.0033)):
         path = edited(folder, lambda plan, n=name, v=value: plan["settings"].update({n: v}))
         capsys.readouterr()
         refused(capsys, execute(path, "--closed-loop"), "edited.json", name)

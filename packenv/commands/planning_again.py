@@ -13,7 +13,7 @@ from packenv.config import GridConfig
 from packenv.errors import InputError, PlanError
 from packenv.io.assets import robot_urdf
 from packenv.physics_planning import make_planner, make_spares
-from packenv.planning.assembly import MAX_WORLDS, Constraints, PlannerChoice, Search, Shelf, StabilityRule
+from packenv.planning.assembly import Constraints, PlannerChoice, Search, Shelf, StabilityRule
 from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.packing import Packing
 from packenv.planning.replay import replay
@@ -72,8 +72,7 @@ class Again:
         self._start = Packing.of_plan(plan, surfaces)
         self._planner = make_planner(choice, shelf, plan.container, grid, physics, config.world)
         self._spares = make_spares(choice, shelf, plan.container, grid)
-        worlds = choice.rehearse or WORLDS
-        self._rehearsal = Rehearsal(plan.container, physics, robot_urdf(), worlds, config)
+        self._rehearsal = Rehearsal(plan.container, physics, robot_urdf(), WORLDS, config)
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ClosedLoopResult:
         """Carry the plan out in closed loop."""
@@ -110,10 +109,7 @@ def planner_choice(plan: Plan, path: Path) -> PlannerChoice:
     clearance = plan.settings.get("clearance", 0.0)
     if not isinstance(clearance, int | float) or not 0.0 <= clearance <= MAX_CLEARANCE:
         raise _wrong(plan, path, "clearance", f"metres between 0 and {MAX_CLEARANCE:g}")
-    worlds = plan.settings.get("rehearse", 0)
-    if not isinstance(worlds, int) or isinstance(worlds, bool) or not 0 <= worlds <= MAX_WORLDS:
-        raise _wrong(plan, path, "rehearse", f"a whole number from 0 to {MAX_WORLDS}")
-    return PlannerChoice(**values, clearance=float(clearance), rehearse=worlds)
+    return PlannerChoice(**values, clearance=float(clearance))
 
 
 def renumbered(plan: Plan, result: ClosedLoopResult) -> Plan:
