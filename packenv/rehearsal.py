@@ -29,7 +29,7 @@ Start: TypeAlias = Callable[[Planner], Pile]
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
 SETTLE = 3.0
-"""Longest time for coming to rest, s: what moves on after that does so for long, and worlds are dear."""
+"""Longest time for coming to rest of all items but the last, s: what moves on does so for long."""
 ALTERNATIVES = ("hm", "dblf", "mta")
 """Heuristics that are tried, after the planner's own, where a plan fails."""
 RESTARTS = 1
@@ -80,7 +80,8 @@ class Rehearsal:
         config = replace(self.config, motion=motion)
         config = feeling(config) if world else config
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
-        return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
+        cell, linger = Cell.beside(self.container), self.config.motion.settle
+        return run_tasks(tasks, cell, config, arm, disturbance, self.lying, linger)
 
     def astray(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
