@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
@@ -12,7 +11,7 @@ from packenv.planning import cup_kernels
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packer import Planner
-from packenv.planning.packing import Packing, Pile
+from packenv.planning.packing import Packing
 from packenv.planning.replay import replay
 from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.sim.disturbance import Disturbance
@@ -109,17 +108,13 @@ def run_closed_loop(
             prepared,
             replace(rehearsal, lying=lying),
             running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
-            start=partial(_pile, surface, resting),
+            start=(surface, resting),
             spares=spares,
         )
         plans += again.plans - 1
         waiting, leftovers = _expected(again.packing, surface, meshes), again.packing.leftovers
     rest = (placement for placement, _ in waiting)
     return ClosedLoopResult(session.result(), (*done, *rest), leftovers, plans)
-
-
-def _pile(surface: ContainerMap, resting: Sequence[Resting], planner: Planner) -> Pile:
-    return planner.pile(surface, resting)
 
 
 def _expected(

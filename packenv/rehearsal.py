@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -11,8 +11,10 @@ import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.assembly import MAX_WORLDS
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.measured import Resting
 from packenv.planning.packer import Planner
-from packenv.planning.packing import Packing, Pile
+from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
@@ -23,8 +25,8 @@ from packenv.sim.session import Execution, ExecutionConfig, feeling
 from packenv.sim.verdicts import DISPLACED, OUT
 from packenv.types import Container
 
-Start: TypeAlias = Callable[[Planner], Pile]
-"""What a planner finds in the container: each keeps the pile in its own way."""
+Start: TypeAlias = tuple[ContainerMap, Sequence[Resting]]
+"""The heightmap of what the container holds already, and the items themselves."""
 
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
@@ -165,7 +167,9 @@ def pack_rehearsed(
         spares: planners that are cheap to ask.
     """
     search = _Search(list(sequence), items, rehearsal, start)
-    any(search.take(packing) for packing in search.plans(planner, first, running, spares))
+    for packing in search.plans(planner, first, running, spares):
+        if search.take(packing):
+            break
     return search.result(running)
 
 
@@ -175,6 +179,7 @@ class _Tried:
 
     packing: Packing
     executions: dict[int, Execution] = field(default_factory=dict)
+    astray: frozenset[str] = frozenset()
     flawless: bool = False
 
     @property
@@ -197,24 +202,27 @@ class _Search:
     rehearsal: Rehearsal
     start: Start | None
     tried: list[_Tried] = field(default_factory=list)
-    astray: set[str] = field(default_factory=set)
+
+    @property
+    def astray(self) -> frozenset[str]:
+        """What went wrong in the last plan."""
+        return self.tried[-1].astray
 
     def pack(self, planner: Planner, sequence: list[str] | None = None) -> Packing:
         """Plan."""
-        pile = None if self.start is None else self.start(planner)
+        pile = None if self.start is None else planner.pile(*self.start)
         return planner.pack(sequence or self.sequence, self.items, self.rehearsal.container, pile)
 
     def take(self, packing: Packing) -> bool:
         """Rehearse a plan; True where nothing is left to wish for."""
         found = _Tried(packing)
         self.tried.append(found)
-        self.astray = set()
         if self.most() > len(packing.placements):
             return False  # what has fewer items than another one cannot win
         for world in range(self.rehearsal.worlds):
-            execution = found.executions[world] = self.rehearsal.execution(packing, world)
+            execution = self.carry_out(found, world)
             if not execution.success:
-                self.astray = set(self.rehearsal.astray(execution))
+                found.astray = self.rehearsal.astray(execution)
                 return False
         found.flawless = not packing.improvable
         return found.flawless
@@ -237,9 +245,9 @@ class _Search:
             blamed = self.astray
         yield from self.variants(planner, blamed)
 
-    def variants(self, planner: Planner, blamed: set[str]) -> Iterator[Packing]:
+    def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[Packing]:
         """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
-        late = set(blamed)
+        late = blamed
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
         brief = replace(planner, restarts=min(planner.restarts, RESTARTS), resort=())
         for name in ALTERNATIVES:
@@ -263,12 +271,12 @@ class _Search:
             fullest = [found for found in self.tried if len(found.packing.placements) == self.most()]
             hopeful = sorted(fullest, key=lambda f: (f.survived, f.released), reverse=True)[:RANKED]
             for found in hopeful:
-                self.carry_out_elsewhere(found)
+                for world in set(range(self.rehearsal.worlds)) - found.executions.keys():
+                    self.carry_out(found, world)
             best = max(hopeful, key=lambda f: (f.survived, f.released, f.packing is not running))
         return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried))
 
-    def carry_out_elsewhere(self, found: _Tried) -> None:
-        """Carry a plan out in the worlds that its rehearsal did not come to."""
-        for world in range(self.rehearsal.worlds):
-            if world not in found.executions:
-                found.executions[world] = self.rehearsal.execution(found.packing, world)
+    def carry_out(self, found: _Tried, world: int) -> Execution:
+        """Carry a plan out in a world, and keep what became of it."""
+        execution = found.executions[world] = self.rehearsal.execution(found.packing, world)
+        return execution
