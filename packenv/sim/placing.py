@@ -98,6 +98,8 @@ def place(
         for other in itertools.islice(beside, tries):
             tries -= 1
             lower.pause(met - start)
+            if not lower.fits(other, start):
+                continue
             last, felt = lower.along(other, start)
             if felt is None or guard.collided is not None or other.deeper(last, met) > _PAST:
                 way = other
@@ -133,25 +135,43 @@ class _Lowering:
         Returns:
             the last index of the way that was reached, and the contact that was felt before the release.
         """
-        world, robot, body, item = self.world, self.robot, self.body, self.task.item
         last = begin
         for k in range(begin + 1, len(way)):
-            world.move(body, *way.held(k))
-            touches = world.overlaps(body, *item.bounds(*way.held(k)))
+            touches = self._item_at(way, k)
             if k > way.release and self.guard.supported(touches):
                 break
             last = k
-            if robot is not None and way.joints is not None:
-                robot.move(way.joints[k])
-                touches += robot.overlaps(body)
+            touches += self._robot_at(way, k)
             self.pause(1)
             if self.guard.look(touches):
                 break
-            if self.motion.feel is not None and not blind and k <= way.release:
-                deepest = max(touches, key=lambda touch: touch.depth, default=None)
-                if deepest is not None and deepest.depth > self.motion.feel:
-                    return k, deepest
+            if not blind and k <= way.release:
+                felt = self._felt(touches)
+                if felt is not None:
+                    return k, felt
         return last, None
+
+    def fits(self, way: Way, k: int) -> bool:
+        """Whether a robot that goes aside to index ``k`` of a way feels nothing there; else it turns back."""
+        return self._felt(self._item_at(way, k) + self._robot_at(way, k)) is None
+
+    def _item_at(self, way: Way, k: int) -> list[Touch]:
+        """Move the held item, and see what it is in."""
+        self.world.move(self.body, *way.held(k))
+        return self.world.overlaps(self.body, *self.task.item.bounds(*way.held(k)))
+
+    def _robot_at(self, way: Way, k: int) -> list[Touch]:
+        """Move the robot, and see what it is in."""
+        if self.robot is None or way.joints is None:
+            return []
+        self.robot.move(way.joints[k])
+        return self.robot.overlaps(self.body)
+
+    def _felt(self, touches: list[Touch]) -> Touch | None:
+        """The deepest contact, where the robot feels it."""
+        deepest = max(touches, key=lambda touch: touch.depth, default=None)
+        feel = self.motion.feel
+        return deepest if feel is not None and deepest is not None and deepest.depth > feel else None
 
     def beside(self, way: Way, k: int, felt: Touch) -> Iterator[Way]:
         """Ways beside one that met something at index ``k``, the likeliest first."""
