@@ -56,6 +56,7 @@ class Rehearsal:
         worlds: how many to rehearse in, 1 to ``MAX_WORLDS``.
         config: settings of the nominal world.
         lying: what the container holds already.
+        linger: longest time for coming to rest once all is placed, s; what creeps out takes long.
     """
 
     container: Container
@@ -64,6 +65,7 @@ class Rehearsal:
     worlds: int
     config: ExecutionConfig = field(default_factory=ExecutionConfig)
     lying: tuple[Lying, ...] = ()
+    linger: float = 20.0
 
     def __post_init__(self) -> None:
         """Check.
@@ -82,8 +84,8 @@ class Rehearsal:
         config = replace(self.config, motion=motion)
         config = feeling(config) if world else config
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
-        cell, linger = Cell.beside(self.container), self.config.motion.settle
-        return run_tasks(tasks, cell, config, arm, disturbance, self.lying, linger)
+        cell = Cell.beside(self.container)
+        return run_tasks(tasks, cell, config, arm, disturbance, self.lying, self.linger)
 
     def astray(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
@@ -162,7 +164,8 @@ def pack_rehearsed(
         rehearsal: where to carry plans out.
         first: what the planner packs, where that is known already.
         running: a plan that is under way: rehearsed before any is made, and given up for one as good.
-            The planner's own comes after the spares' then, for somebody waits.
+            The planner's own comes after the spares' then, and its other heuristics only where there are
+            no spares, for somebody waits.
         start: what the container holds already; empty where None.
         spares: planners that are cheap to ask.
     """
@@ -243,7 +246,8 @@ class _Search:
         if running is not None:
             yield first or self.pack(planner)
             blamed = self.astray
-        yield from self.variants(planner, blamed)
+        if running is None or not spares:
+            yield from self.variants(planner, blamed)
 
     def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[Packing]:
         """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -125,6 +126,28 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
     assert where(done.packing) == where(other)
     assert (done.survived, done.plans) == (2, 2)
     assert make_spares(PlannerChoice(), shelf, BOX, GRID) == ()
+
+
+def test_who_waits_is_spared_the_planner_s_other_heuristics(
+    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (spare,) = make_spares(PlannerChoice(stability="physics"), shelf, BOX, GRID)
+    running = planner.pack(NAMES, shelf.prepared, BOX)
+    asked: list[Planner] = []
+    really = Planner.pack
+
+    def pack(self: Planner, *arguments: Any) -> Packing:
+        asked.append(self)
+        return really(self, *arguments)
+
+    monkeypatch.setattr(Planner, "pack", pack)
+    monkeypatch.setattr(Rehearsal, "execution", lambda *_: Execution(False, None, "", (), (), 0.0))
+    stage = Rehearsal(BOX, physics, URDF, 1)
+    for known, own in ({"running": running}, 1), ({"first": running}, 2):
+        asked.clear()
+        pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare], **known)
+        assert sum(p.constraints is planner.constraints for p in asked) == own
+        assert len(asked) - own == len(ALTERNATIVES)
 
 
 def test_what_can_never_fit_is_not_planned_again(

@@ -53,6 +53,14 @@ def test_what_lies_in_the_way_altogether_is_still_a_collision() -> None:
     assert (done.success, done.cause) == (False, "collision")
 
 
+def test_a_robot_feels_the_wall_on_its_way_aside() -> None:
+    """Between wall and neighbour there is no room: it pushes into the neighbour below, not the wall."""
+    neighbour = by_hand(brick(name="neighbour"), (0.099, 0.1, 0.0))
+    done = carried_out([neighbour, by_hand(brick(), (0.003, 0.1, 0.0))], feeling(ExecutionConfig()))
+    assert (done.success, done.cause) == (False, "collision")
+    assert "neighbour" in done.detail
+
+
 @given(x=st.floats(-0.006, 0.006), y=st.floats(-0.006, 0.006))
 def test_a_way_moved_aside_is_the_same_way_there(x: float, y: float) -> None:
     task, cell = by_robot(brick(), SIZE, (0.1, 0.1, 0.0)), Cell.beside(BOX)
