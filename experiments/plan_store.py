@@ -93,7 +93,7 @@ class PlanStore:
     def _made(self, order: Sequence[str], choice: PlannerChoice) -> Plan:
         prepared, physics = self.shelf.plan.prepared, self.shelf.physics
         planner, sequence = self.planner(choice), by_box_volume(order, prepared)
-        seconds, told = 0.0, dict[str, float]()
+        seconds, rehearsed = 0.0, None
         if choice.rehearse:
             first = self.plan(order, replace(choice, rehearse=0))
             seconds = first.cpu_s
@@ -103,7 +103,6 @@ class PlanStore:
             spares = self.spares(choice)
             rehearsed = pack_rehearsed(planner, sequence, prepared, rehearsal, first=known, spares=spares)
             packing = rehearsed.packing
-            told = rehearsed.metrics
         else:
             start = time.process_time()
             packing = planner.pack(sequence, prepared, self.box)
@@ -113,4 +112,6 @@ class PlanStore:
         lines = tuple(OrderLine(name, 1) for name in order)
         plan = make_plan(packing, lines, items, self.grid, catalogue=self.catalogue, settings=settings)
         plan = with_envelopes(plan, {name: self.shelf.plan.meshes[name] for name in order})
-        return replace(plan, metrics={**plan.metrics, **told, "plan_cpu_s": seconds})
+        if rehearsed is not None:
+            plan = rehearsed.told_by(plan)
+        return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})

@@ -23,10 +23,13 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, ExecutionConfig, feeling
 from packenv.sim.verdicts import DISPLACED, OUT
-from packenv.types import Container
+from packenv.types import Container, Plan
 
 Start: TypeAlias = tuple[ContainerMap, Sequence[Resting]]
 """The heightmap of what the container holds already, and the items themselves."""
+
+_Named: TypeAlias = tuple[str, Packing]
+"""How a plan was made, and the plan."""
 
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
@@ -121,21 +124,25 @@ class Rehearsed:
         worlds: in how many worlds it was carried out.
         survived: in how many of them it succeeded.
         plans: how many plans were looked at.
+        how: how it was planned: ``first`` or ``running`` as given, or the heuristic; ``spare`` before it for
+            a spare planner, ``late`` behind it with what went wrong at the end of the sequence.
     """
 
     packing: Packing
     worlds: int
     survived: int
     plans: int
+    how: str
 
-    @property
-    def metrics(self) -> dict[str, float]:
-        """What a plan's file tells of it."""
-        return {
+    def told_by(self, plan: Plan) -> Plan:
+        """A plan of this packing that tells how it did."""
+        figures = {
             "rehearsal_worlds": self.worlds,
             "rehearsal_survived": self.survived,
             "rehearsal_plans": self.plans,
         }
+        settings = {**plan.settings, "rehearsed_plan": self.how}
+        return replace(plan, metrics={**plan.metrics, **figures}, settings=settings)
 
 
 def pack_rehearsed(
@@ -170,16 +177,17 @@ def pack_rehearsed(
         spares: planners that are cheap to ask.
     """
     search = _Search(list(sequence), items, rehearsal, start)
-    for packing in search.plans(planner, first, running, spares):
-        if search.take(packing):
+    for how, packing in search.plans(planner, first, running, spares):
+        if search.take(how, packing):
             break
     return search.result(running)
 
 
 @dataclass(eq=False)
 class _Tried:
-    """A plan, and what became of it in the worlds in which it was carried out."""
+    """A plan, how it was made, and what became of it in the worlds in which it was carried out."""
 
+    how: str
     packing: Packing
     executions: dict[int, Execution] = field(default_factory=dict)
     astray: frozenset[str] = frozenset()
@@ -194,6 +202,12 @@ class _Tried:
     def released(self) -> int:
         """How many items were released, in all worlds."""
         return sum(not outcome.collided for e in self.executions.values() for outcome in e.items)
+
+
+def _name(planner: Planner) -> str:
+    """The name of its heuristic; of one that is not built in, ``own``."""
+    names = (name for name, heuristic in HEURISTICS.items() if heuristic is planner.heuristic)
+    return next(names, "own")
 
 
 @dataclass(eq=False)
@@ -216,9 +230,9 @@ class _Search:
         pile = None if self.start is None else planner.pile(*self.start)
         return planner.pack(sequence or self.sequence, self.items, self.rehearsal.container, pile)
 
-    def take(self, packing: Packing) -> bool:
+    def take(self, how: str, packing: Packing) -> bool:
         """Rehearse a plan; True where nothing is left to wish for."""
-        found = _Tried(packing)
+        found = _Tried(how, packing)
         self.tried.append(found)
         if self.most() > len(packing.placements):
             return False  # what has fewer items than another one cannot win
@@ -236,27 +250,31 @@ class _Search:
 
     def plans(
         self, planner: Planner, first: Packing | None, running: Packing | None, spares: Sequence[Planner]
-    ) -> Iterator[Packing]:
+    ) -> Iterator[_Named]:
         """Plans in the sequence in which they are worth a rehearsal, which comes between them."""
-        yield running or first or self.pack(planner)
+        yield ("running", running) if running is not None else self.own(planner, first)
         blamed = self.astray
         for spare in spares:
-            yield self.pack(spare)
-            yield from self.variants(spare, self.astray)
+            yield f"spare {_name(spare)}", self.pack(spare)
+            yield from ((f"spare {how}", packing) for how, packing in self.variants(spare, self.astray))
         if running is not None:
-            yield first or self.pack(planner)
+            yield self.own(planner, first)
             blamed = self.astray
         if running is None or not spares:
             yield from self.variants(planner, blamed)
 
-    def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[Packing]:
+    def own(self, planner: Planner, first: Packing | None) -> _Named:
+        """What the planner packs."""
+        return (_name(planner), self.pack(planner)) if first is None else ("first", first)
+
+    def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[_Named]:
         """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
         late = blamed
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
         brief = replace(planner, restarts=min(planner.restarts, RESTARTS), resort=())
         for name in ALTERNATIVES:
             if HEURISTICS[name] is not planner.heuristic:
-                yield self.pack(replace(brief, heuristic=HEURISTICS[name]))
+                yield name, self.pack(replace(brief, heuristic=HEURISTICS[name]))
         # A restart would bring forward what shall come last.
         straight = replace(brief, restarts=0)
         known = {tuple(self.sequence)}
@@ -265,7 +283,7 @@ class _Search:
             if tuple(sequence) in known:
                 return
             known.add(tuple(sequence))
-            yield self.pack(straight, sequence)
+            yield f"{_name(planner)} late", self.pack(straight, sequence)
             late |= self.astray
 
     def result(self, running: Packing | None) -> Rehearsed:
@@ -278,7 +296,7 @@ class _Search:
                 for world in set(range(self.rehearsal.worlds)) - found.executions.keys():
                     self.carry_out(found, world)
             best = max(hopeful, key=lambda f: (f.survived, f.released, f.packing is not running))
-        return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried))
+        return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried), best.how)
 
     def carry_out(self, found: _Tried, world: int) -> Execution:
         """Carry a plan out in a world, and keep what became of it."""

@@ -267,6 +267,7 @@ def test_a_rehearsed_plan_tells_how_it_went(
     plan = json.loads(path.read_text())
     assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (2, "parts")
     told = {name: value for name, value in plan["metrics"].items() if name.startswith("rehearsal")}
+    assert plan["settings"]["rehearsed_plan"] == "first"
     assert told == {"rehearsal_worlds": 2, "rehearsal_survived": 2, "rehearsal_plans": 1}
     assert main(["execute", str(path), "--catalogue", str(shelf)]) == 0
 

@@ -55,10 +55,11 @@ def test_a_plan_that_survives_is_the_planner_s_own(
 ) -> None:
     own = planner.pack(NAMES, shelf.prepared, BOX)
     done = rehearsed(planner, shelf, physics)
-    assert (done.survived, done.worlds, done.plans) == (2, 2, 1)
+    assert (done.survived, done.worlds, done.plans, done.how) == (2, 2, 1, "hm")
     assert where(done.packing) == where(own)
     known = rehearsed(planner, shelf, physics, first=own)
     assert known.packing is own
+    assert known.how == "first"
 
 
 def test_a_plan_that_fails_gives_way_to_one_that_does_not(
@@ -70,7 +71,7 @@ def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     stage = Rehearsal(BOX, physics, URDF, 1)
     assert not stage.execution(loose.pack(names, shelf.prepared, BOX), 0).success
     done = pack_rehearsed(loose, names, shelf.prepared, stage)
-    assert (done.plans, done.survived) == (2, 1)
+    assert (done.plans, done.survived, done.how) == (2, 1, "hm")
     assert stage.execution(done.packing, 0).success
     other = replace(loose, heuristic=HEURISTICS["hm"]).pack(names, shelf.prepared, BOX)
     assert where(done.packing) == where(other)
@@ -124,7 +125,7 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
     stage = Rehearsal(BOX, physics, URDF, 2)
     done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
     assert where(done.packing) == where(other)
-    assert (done.survived, done.plans) == (2, 2)
+    assert (done.survived, done.plans, done.how) == (2, 2, "spare hm")
     assert make_spares(PlannerChoice(), shelf, BOX, GRID) == ()
 
 

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from packenv.commands.loading import (
     MAX_CLEARANCE,
@@ -35,6 +35,9 @@ from packenv.planning.assembly import MAX_WORLDS, PlannerChoice, Shelf, assemble
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
 from packenv.types import Container, Item, Plan
+
+if TYPE_CHECKING:
+    from packenv.rehearsal import Rehearsed
 
 _SETTINGS = (
     "heuristic",
@@ -75,9 +78,10 @@ def run(arguments: argparse.Namespace) -> int:
     shelf = Shelf(shapes, prepared, load_fields(shapes) if choice.constraints != "overlap" else {})
     make = _planner_maker(choice, shelf, grid, parts)
     packing, choice = _smallest(containers, choice, sequence, shelf, make)
-    told: dict[str, float] = {}
+    rehearsed = None
     if choice.rehearse and packing.placements:
-        packing, told = _rehearsed(packing, sequence, shelf, parts, grid, choice, make)
+        rehearsed = _rehearsed(packing, sequence, shelf, parts, grid, choice, make)
+        packing = rehearsed.packing
     plan = make_plan(
         packing,
         order.lines,
@@ -91,7 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
             "sequence": arguments.sequence,
         },
     )
-    plan = replace(plan, metrics={**plan.metrics, **told})
+    if rehearsed is not None:
+        plan = rehearsed.told_by(plan)
     if geometry == "parts":
         plan = with_envelopes(plan, shapes)
     _write(plan, packing, items, grid, arguments)
@@ -189,8 +194,8 @@ def _rehearsed(
     grid: GridConfig,
     choice: PlannerChoice,
     make: _MakePlanner,
-) -> tuple[Packing, dict[str, float]]:
-    """The packing that is left of a rehearsal, and what the plan tells of it."""
+) -> Rehearsed:
+    """What is left of a rehearsal."""
     from packenv.physics_planning import make_spares
     from packenv.rehearsal import Rehearsal, pack_rehearsed
 
@@ -199,10 +204,9 @@ def _rehearsed(
     physics = as_physics_items(shelf.meshes, parts)
     rehearsal = Rehearsal(box, physics, robot_urdf(), choice.rehearse)
     try:
-        done = pack_rehearsed(planner, sequence, shelf.prepared, rehearsal, first=first, spares=spares)
+        return pack_rehearsed(planner, sequence, shelf.prepared, rehearsal, first=first, spares=spares)
     finally:
         end_planning(planner)
-    return done.packing, done.metrics
 
 
 def _write(
@@ -245,7 +249,9 @@ def _report(plan: Plan, arguments: argparse.Namespace) -> None:
     )
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
-        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}")
+        how = plan.settings["rehearsed_plan"]
+        kept = "" if how == "first" else f"; this one: {how}"
+        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}{kept}")
     for option in ("out", "html", "png"):
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")
