@@ -106,7 +106,7 @@ def run_closed_loop(
             planner,
             names,
             prepared,
-            replace(rehearsal, lying=lying, linger=0.0),  # somebody waits
+            replace(rehearsal, lying=lying),
             running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
             start=(surface, resting),
             spares=spares,

@@ -34,7 +34,7 @@ _Named: TypeAlias = tuple[str, Packing]
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
 SETTLE = 3.0
-"""Longest time for coming to rest of all items but the last, s: what moves on does so for long."""
+"""Longest time for coming to rest, s: what moves on does so for long."""
 ALTERNATIVES = ("hm", "dblf", "mta")
 """Heuristics that are tried, after the planner's own, where a plan fails."""
 RESTARTS = 1
@@ -59,7 +59,6 @@ class Rehearsal:
         worlds: how many to rehearse in, 1 to ``MAX_WORLDS``.
         config: settings of the nominal world.
         lying: what the container holds already.
-        linger: longest time for coming to rest once all is placed, s; what creeps out takes long.
     """
 
     container: Container
@@ -68,7 +67,6 @@ class Rehearsal:
     worlds: int
     config: ExecutionConfig = field(default_factory=ExecutionConfig)
     lying: tuple[Lying, ...] = ()
-    linger: float = 20.0
 
     def __post_init__(self) -> None:
         """Check.
@@ -88,7 +86,7 @@ class Rehearsal:
         config = feeling(config) if world else config
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
         cell = Cell.beside(self.container)
-        return run_tasks(tasks, cell, config, arm, disturbance, self.lying, self.linger)
+        return run_tasks(tasks, cell, config, arm, disturbance, self.lying)
 
     def astray(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.

@@ -54,7 +54,6 @@ def run_tasks(
     urdf: Path | None,
     disturbance: Disturbance | None = None,
     lying: Sequence[Lying] = (),
-    linger: float = 0.0,
 ) -> Execution:
     """Carry tasks out one after another, open loop, up to the first collision.
 
@@ -65,7 +64,6 @@ def run_tasks(
         urdf: of the robot; None where no task has joints.
         disturbance: makes world and tasks differ from what was planned.
         lying: what the container holds already.
-        linger: longest time for coming to rest once all is placed, beyond what each item had, s.
     """
     settings = config if disturbance is None else disturbance.config(config)
     with Session(cell, settings, urdf, lying=lying) as session:
@@ -73,6 +71,4 @@ def run_tasks(
             session.place(task if disturbance is None else disturbance.task(task, step))
             if session.failed:
                 break
-        if not session.failed:
-            session.wait(linger)
         return session.result()

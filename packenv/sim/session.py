@@ -14,7 +14,6 @@ from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
 from packenv.sim.placing import MotionConfig, Placed, place
-from packenv.sim.rest import RestRule, settle
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
 from packenv.sim.world import World, WorldConfig
@@ -168,10 +167,6 @@ class Session(Closing):
         self._outcomes.append(outcome)
         self._planned.append(outcome.planned)
         return outcome
-
-    def wait(self, longest: float) -> None:
-        """Let time pass until all is at rest, for at most ``longest`` seconds."""
-        settle(self.world, longest, self.config.motion.rest or RestRule())
 
     def result(self) -> Execution:
         """Judge by the paper's two criteria."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import Profile
 from packenv.sim.placing import MotionConfig
-from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import ExecutionConfig
 from tests.sim.bodies import BOX, ball, brick, by_hand, by_robot, carried_out, slipped
 
@@ -141,16 +139,3 @@ def test_a_recorder_keeps_no_more_frames_than_asked_for(most: int) -> None:
     assert frames[-1].time < 1.8
     assert frames[0].poses[0][1][2] > 0.25
     assert frames[-1].poses[0][1][2] < 0.001
-
-
-def test_who_lingers_sees_what_moves_late() -> None:
-    """With no time to fall for the item itself, only the time in the end tells where it comes to lie."""
-    config = ExecutionConfig(motion=MotionConfig(settle=0.01))
-    task = by_hand(brick(), (0.1, 0.1, 0.0))
-
-    def height(linger: float) -> float:
-        done = run_tasks([task], Cell.beside(BOX), config, None, linger=linger)
-        return float(done.final[0][1][2] - task.position[2])
-
-    assert height(5.0) == pytest.approx(0.0, abs=3e-4)
-    assert height(0.0) > 0.005
