@@ -82,8 +82,9 @@ class Job:
         return row_key(__version__, GRID, CONFIG, feeling(CONFIG), Disturbance(self.index), self)
 
 
-_BLOCK = 8
-"""Orders that are done in all columns before the next ones are begun."""
+_BLOCK = 50
+"""Orders that are done in all columns before the next ones are begun. With few, a worker comes to carry out
+a plan that another one still makes, and makes it too: a hard one takes minutes."""
 
 
 def in_turn(columns: Sequence[Column], orders: Sequence[Sequence[str]], shelf: Shelf) -> Iterator[Job]:
