@@ -46,14 +46,17 @@ class WorldConfig:
         mu: coefficient of friction between any two surfaces.
         rolling: lever arm of rolling resistance, m: a ball under the load N feels the torque N · rolling.
         time_step: s.
-        iterations: of the contact solver, a step.
+        iterations: most of the contact solver, a step. A light item under a heavy one needs many: with too
+            few it creeps for ever, and into the wall.
+        residual: at which the solver stops earlier (Bullet's ``solverResidualThreshold``).
         breaking: contacts are kept while the surfaces are nearer than this, m.
     """
 
     mu: float = 0.7
     rolling: float = 0.0005
     time_step: float = 1.0 / 240.0
-    iterations: int = 50
+    iterations: int = 200
+    residual: float = 1e-4
     breaking: float = 0.004
 
 
@@ -104,6 +107,7 @@ class World(Closing):
         p.setPhysicsEngineParameter(
             fixedTimeStep=self.config.time_step,
             numSolverIterations=self.config.iterations,
+            solverResidualThreshold=self.config.residual,
             contactBreakingThreshold=self.config.breaking * SCALE,
             deterministicOverlappingPairs=1,
             physicsClientId=c,
