@@ -46,6 +46,22 @@ def test_free_fall_is_half_g_t_squared_whatever_the_mass() -> None:
     assert heights[1:] == pytest.approx([heights[0]] * 2, abs=1e-9)
 
 
+def test_a_light_box_holds_a_heavy_ball_against_the_wall() -> None:
+    """The ball is wedged between the box's edge and a wall: too few iterations let both creep."""
+    light = brick(0.14, 0.14, 0.16)
+    radius = 0.55 * (BOX.length - 0.14)
+    heavy = ball(radius)
+    heavy = heavy.heavier(10.0 * light.mass / heavy.mass)
+    with World(BOX) as world:
+        box = world.add(light, np.eye(3), np.array([0.0, 0.1, 0.0]))
+        wedged = world.add(heavy, np.eye(3), np.array([BOX.length - radius, 0.17, 0.16 + radius]))
+        run(world, 3.0)
+        at = world.pose(wedged)[1]
+        run(world, 3.0)
+        assert math.dist(world.pose(wedged)[1], at) < 5e-4
+        assert light.beyond(BOX, *world.pose(box)) < 1e-4
+
+
 def test_a_box_at_rest_stays() -> None:
     with World(BOX) as world:
         lower = world.add(brick(), np.eye(3), np.array([0.1, 0.1, 0.0]))
