@@ -11,7 +11,15 @@ import numpy as np
 
 from packenv.config import GridConfig
 from packenv.geometry.transforms import angle_between
-from packenv.planning.assembly import EACH_WARY, PlannerChoice, Shelf, assemble, clearances, wary
+from packenv.planning.assembly import (
+    EACH_WARY,
+    PlannerChoice,
+    Shelf,
+    as_paper,
+    assemble,
+    clearances,
+    wary,
+)
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
@@ -181,7 +189,7 @@ def make_planner(
     placed, and may then come to rest a little off; if nothing helps, equilibrium alone decides, as without
     physics. Where items are left over even so, the order is planned once more with equilibrium alone to
     decide from the first item on, but where physics has what was placed before; and if that is no use either,
-    as under ``paper``. Both if restarts are allowed: so physics costs no item.
+    as under ``paper``. All if restarts are allowed: so neither physics nor clearance costs an item.
 
     Args:
         choice: what the user chose.
@@ -232,7 +240,7 @@ def make_planner(
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
         resort=(
             (Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
-            tuple(Tier(cells, (*static, Unasked())) for cells in levels),
+            *as_paper(levels, (*static, Unasked())),
         ),
         passes=(roomy, tight) if roomy else (tight,),
     )

@@ -14,7 +14,7 @@ from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import prepare_item
 from packenv.io.assets import robot_urdf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.assembly import PlannerChoice, Shelf, StabilityRule, assemble
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Packing
@@ -223,6 +223,21 @@ def test_what_a_drop_moved_is_in_the_heightmap_where_it_lies_now() -> None:
     now = measured_map(BOX, GRID.cell_size, [Resting(items["tower"], *lying.pose)])
     assert verdict.surface is not None
     assert (verdict.surface.heights >= now.heights).all()
+
+
+@pytest.mark.parametrize("stability", ["cautious", "physics"])
+def test_clearance_costs_no_item(stability: StabilityRule) -> None:
+    """Where one of two plates keeps off the walls, there is no room for the other."""
+    items = {item.name: item for item in (box(0.198, 0.198, 0.1, "wide"), box(0.098, 0.198, 0.1, "narrow"))}
+    flat, physics = Container(0.31, 0.31, 0.15), {name: convex(item) for name, item in items.items()}
+    shelf = shelf_of(items)
+
+    def packed(choice: PlannerChoice) -> Packing:
+        return make_planner(choice, shelf, flat, GRID, physics).pack(list(items), shelf.prepared, flat)
+
+    assert packed(PlannerChoice(stability="paper")).complete
+    assert not packed(PlannerChoice(stability=stability, clearance=0.01, restarts=0)).complete
+    assert packed(PlannerChoice(stability=stability, clearance=0.01)).complete
 
 
 def test_physics_costs_no_item(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:

@@ -164,6 +164,18 @@ def assemble(
     return _cautious(planner, levels) if constraints and choice.stability == "cautious" else planner
 
 
+def as_paper(levels: Sequence[int], constraints: Sequence[Constraint]) -> tuple[tuple[Tier, ...], ...]:
+    """Last resorts of a planner that asks for more than the paper: without it, then without clearance too.
+
+    Args:
+        levels: of clearance, the widest first, in cells.
+        constraints: of the paper.
+    """
+    tiers = tuple(Tier(cells, constraints) for cells in levels)
+    # What has room to spare takes it from what comes later.
+    return (tiers, tiers[-1:]) if len(tiers) > 1 else (tiers,)
+
+
 def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
     """A planner that does without a margin only for what has no place with one once all others lie.
 
@@ -185,6 +197,6 @@ def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
         planner,
         tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
         bold=(*roomy, *tight),
-        resort=(tuple(Tier(cells, planner.constraints) for cells in levels),),
+        resort=as_paper(levels, planner.constraints),
         passes=(roomy, tight) if roomy else (tight,),
     )
