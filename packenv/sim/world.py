@@ -48,8 +48,8 @@ class WorldConfig:
         time_step: s.
         iterations: most of the contact solver, a step. A light item under a heavy one needs many: with too
             few it creeps for ever, and into the wall.
-        residual: at which the solver stops earlier (Bullet's ``solverResidualThreshold``); a pile at rest creeps in
-            proportion to it.
+        residual: at which the solver stops earlier (Bullet's ``solverResidualThreshold``); a pile at rest
+            creeps in proportion to it.
         breaking: contacts are kept while the surfaces are nearer than this, m.
     """
 
