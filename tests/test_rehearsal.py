@@ -65,7 +65,7 @@ def test_a_plan_that_survives_is_the_planner_s_own(
 def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     shelf: Shelf, physics: dict[str, PhysicsItem]
 ) -> None:
-    """Nothing but overlap is asked for: of what DBLF leaves hanging over an edge something sticks out, HM's plan stands."""
+    """Nothing but overlap is asked for: of DBLF's plan an item falls and sticks out, HM's stands."""
     names = ["brick", "brick", "plank", "plank", "block", "plank", "pole"]
     loose = make_planner(PlannerChoice("dblf", constraints="overlap"), shelf, BOX, GRID, physics)
     stage = Rehearsal(BOX, physics, URDF, 1)
