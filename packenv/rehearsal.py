@@ -85,8 +85,7 @@ class Rehearsal:
         config = replace(self.config, motion=motion)
         config = feeling(config) if world else config
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
-        cell = Cell.beside(self.container)
-        return run_tasks(tasks, cell, config, arm, disturbance, self.lying)
+        return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
 
     def astray(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
