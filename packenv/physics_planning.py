@@ -252,7 +252,8 @@ def make_spares(
     """Planners to ask where the plan of the chosen one fails in rehearsal (:mod:`packenv.rehearsal`).
 
     The cautious rule knows places that no drop confirms, and asks a tenth of the time; what its plans are
-    worth, the rehearsal tells.
+    worth, the rehearsal tells. Where clearance is asked for, a second one does without it: of an order that
+    fits only so, the first one packs what the paper's rule packs.
 
     Args:
         choice: what the user chose.
@@ -263,4 +264,5 @@ def make_spares(
     if choice.stability != "physics":
         return ()
     brisk = replace(choice, stability="cautious", restarts=min(choice.restarts, 1))
-    return (assemble(brisk, shelf, container, grid),)
+    brisks = dict.fromkeys((brisk, replace(brisk, clearance=0.0)))
+    return tuple(assemble(each, shelf, container, grid) for each in brisks)

@@ -121,8 +121,8 @@ class Rehearsed:
         worlds: in how many worlds it was carried out.
         survived: in how many of them it succeeded.
         plans: how many plans were looked at.
-        how: how it was planned: ``first`` or ``running`` as given, or the heuristic; ``spare`` before it for
-            a spare planner, ``late`` behind it with what went wrong at the end of the sequence.
+        how: how it was planned: ``first`` or ``running`` as given, or the heuristic; ``spare 1`` before it
+            for the first spare planner, ``late`` behind it with what went wrong at the end of the sequence.
     """
 
     packing: Packing
@@ -251,9 +251,10 @@ class _Search:
         """Plans in the sequence in which they are worth a rehearsal, which comes between them."""
         yield ("running", running) if running is not None else self.own(planner, first)
         blamed = self.astray
-        for spare in spares:
-            yield f"spare {_name(spare)}", self.pack(spare)
-            yield from ((f"spare {how}", packing) for how, packing in self.variants(spare, self.astray))
+        for number, spare in enumerate(spares, start=1):
+            yield f"spare {number} {_name(spare)}", self.pack(spare)
+            variants = self.variants(spare, self.astray)
+            yield from ((f"spare {number} {how}", packing) for how, packing in variants)
         if running is not None:
             yield self.own(planner, first)
             blamed = self.astray

@@ -125,8 +125,16 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
     stage = Rehearsal(BOX, physics, URDF, 2)
     done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
     assert where(done.packing) == where(other)
-    assert (done.survived, done.plans, done.how) == (2, 2, "spare hm")
+    assert (done.survived, done.plans, done.how) == (2, 2, "spare 1 hm")
     assert make_spares(PlannerChoice(), shelf, BOX, GRID) == ()
+
+
+def test_the_last_spare_asks_for_no_clearance(shelf: Shelf) -> None:
+    """What fits only without would else be packed by the last resort, which is as bold as the paper."""
+    for clearance, widths in ((0.0, [0]), (0.01, [3, 0])):
+        choice = PlannerChoice(stability="physics", clearance=clearance)
+        spares = make_spares(choice, shelf, BOX, GRID)
+        assert [spare.clearance for spare in spares] == widths
 
 
 def test_who_waits_is_spared_the_planner_s_other_heuristics(
