@@ -16,7 +16,7 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pybullet
@@ -33,6 +33,9 @@ GRAVITY = 9.81
 _WALL = 0.05
 """Thickness of floor and walls, outward, m."""
 
+
+_Bounds: TypeAlias = tuple[float, float, float, float, float, float]
+"""Smallest x, y, z, then largest, m."""
 
 EngineError: type[Exception] = pybullet.error
 """What the engine raises, for instance where its window was closed."""
@@ -116,10 +119,12 @@ class World(Closing):
         p.setGravity(0.0, 0.0, -GRAVITY * SCALE, physicsClientId=c)
         boxes = _walls(container)
         self.fixed = tuple(self._add_wall(*box) for box in boxes)
-        self._walls = {
-            body: (np.subtract(centre, half), np.add(centre, half))
+        walls = {
+            body: (*np.subtract(centre, half).tolist(), *np.add(centre, half).tolist())
             for body, (half, centre) in zip(self.fixed, boxes, strict=True)
         }
+        self._walls: dict[int, _Bounds] = walls
+        self._bounds: dict[int, _Bounds] = {}
         if gui:
             self._arrange_window()
 
@@ -182,11 +187,13 @@ class World(Closing):
         quaternion = rotation_to_quaternion(turned).tolist()
         p.resetBasePositionAndOrientation(body, (at * SCALE).tolist(), quaternion, physicsClientId=c)
         p.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], physicsClientId=c)
+        self._bounds.pop(body, None)
 
     def remove(self, body: int) -> None:
         """Take an item out."""
         pybullet.removeBody(body, physicsClientId=self._client)
         del self._items[body]
+        self._bounds.pop(body, None)
 
     def sleep(self) -> None:
         """Hold every item where it is until something touches it, or :meth:`wake`: for a world at rest.
@@ -213,6 +220,7 @@ class World(Closing):
         """One time step."""
         pybullet.stepSimulation(physicsClientId=self._client)
         self.time += self.time_step
+        self._bounds.clear()
 
     def pace(self, time_step: float | None) -> None:
         """Go on at another time step, s; None: at the configured one."""
@@ -268,8 +276,12 @@ class World(Closing):
             link: one link; all of them where None.
         """
         touches = []
+        # Asked at every step of a way, of every item: arrays of three numbers would cost ten times as much.
+        (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
         for other in (*self.fixed, *self._items):
-            if other == body or not self._near(other, low, high):
+            u0, v0, w0, u1, v1, w1 = self._walls.get(other) or self._item_bounds(other)
+            apart = u0 > x1 or v0 > y1 or w0 > z1 or x0 > u1 or y0 > v1 or z0 > w1
+            if apart or other == body:
                 continue
             chosen = {} if link is None else {"linkIndexA": link}
             found = pybullet.getClosestPoints(body, other, 0.0, **chosen, physicsClientId=self._client)
@@ -277,14 +289,13 @@ class World(Closing):
             touches += [touch for touch in map(_touch, found) if touch.depth > 0.0]
         return touches
 
-    def _near(self, other: int, low: FloatArray, high: FloatArray) -> bool:
-        item = self._items.get(other)
-        if item is None:
-            bounds = self._walls[other]
-        else:
-            at = self.raw_pose(other)[0]
-            bounds = at - item.reach, at + item.reach
-        return bool(np.all(bounds[0] <= high) and np.all(low <= bounds[1]))
+    def _item_bounds(self, body: int) -> _Bounds:
+        """A box around an item, kept until it moves."""
+        known = self._bounds.get(body)
+        if known is None:
+            at, reach = self.raw_pose(body)[0], self._items[body].reach
+            known = self._bounds[body] = (*(at - reach).tolist(), *(at + reach).tolist())
+        return known
 
     def _arrange_window(self) -> None:
         """Look at the container from above the robot's far side, through its walls, without panels."""
