@@ -33,7 +33,6 @@ GRAVITY = 9.81
 _WALL = 0.05
 """Thickness of floor and walls, outward, m."""
 
-
 _Bounds: TypeAlias = tuple[float, float, float, float, float, float]
 """Smallest x, y, z, then largest, m."""
 
@@ -52,7 +51,7 @@ class WorldConfig:
         iterations: most of the contact solver, a step. A light item under a heavy one needs many: with too
             few it creeps for ever, and into the wall.
         residual: at which the solver stops earlier (Bullet's ``solverResidualThreshold``); a pile at rest
-            creeps in proportion to it.
+            creeps the less, the lower it is.
         breaking: contacts are kept while the surfaces are nearer than this, m.
     """
 
@@ -119,11 +118,10 @@ class World(Closing):
         p.setGravity(0.0, 0.0, -GRAVITY * SCALE, physicsClientId=c)
         boxes = _walls(container)
         self.fixed = tuple(self._add_wall(*box) for box in boxes)
-        walls = {
+        self._walls: dict[int, _Bounds] = {
             body: (*np.subtract(centre, half).tolist(), *np.add(centre, half).tolist())
             for body, (half, centre) in zip(self.fixed, boxes, strict=True)
         }
-        self._walls: dict[int, _Bounds] = walls
         self._bounds: dict[int, _Bounds] = {}
         if gui:
             self._arrange_window()
@@ -279,9 +277,10 @@ class World(Closing):
         # Asked at every step of a way, of every item: arrays of three numbers would cost ten times as much.
         (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
         for other in (*self.fixed, *self._items):
+            if other == body:
+                continue
             u0, v0, w0, u1, v1, w1 = self._walls.get(other) or self._item_bounds(other)
-            apart = u0 > x1 or v0 > y1 or w0 > z1 or x0 > u1 or y0 > v1 or z0 > w1
-            if apart or other == body:
+            if u0 > x1 or v0 > y1 or w0 > z1 or x0 > u1 or y0 > v1 or z0 > w1:
                 continue
             chosen = {} if link is None else {"linkIndexA": link}
             found = pybullet.getClosestPoints(body, other, 0.0, **chosen, physicsClientId=self._client)
