@@ -12,6 +12,7 @@ from types import ModuleType
 
 import manifold3d
 import numpy as np
+import pybullet
 import pytest
 import trimesh
 from scipy.spatial import ConvexHull
@@ -227,7 +228,6 @@ def test_party_cups_stack() -> None:
 
 @pytest.mark.parametrize(("name", "floor"), [("mug", 0.005), ("bowl", 0.0082), ("nesting_cup_3", 0.003)])
 def test_physics_keeps_the_hollow_open(name: str, floor: float) -> None:
-    pybullet = pytest.importorskip("pybullet")
     client = pybullet.connect(pybullet.DIRECT)
     try:
         path = str(CATALOGUE / ROWS[name]["parts_file"])

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco")
+pytest.importorskip(
+    "mujoco", reason="the second engine is not installed (pip install 'robotpack[second-engine]')"
+)
 
 from experiments.mujoco_execution import execute_in_mujoco
 from experiments.pose_gap import pose_gap

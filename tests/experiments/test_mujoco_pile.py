@@ -8,7 +8,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco")
+pytest.importorskip(
+    "mujoco", reason="the second engine is not installed (pip install 'robotpack[second-engine]')"
+)
 
 from experiments.mujoco_pile import GRAVITY, MujocoConfig, MujocoPile
 from packenv.sim.rest import RestRule, settle

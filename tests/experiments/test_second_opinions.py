@@ -65,7 +65,9 @@ def test_without_a_complete_plan_there_is_nothing_to_tell() -> None:
 
 
 def test_the_second_engine_is_asked_about_the_first_one_s_successes_alone() -> None:
-    pytest.importorskip("mujoco")
+    pytest.importorskip(
+        "mujoco", reason="the second engine is not installed (pip install 'robotpack[second-engine]')"
+    )
     from experiments import second_engine
 
     good = done(None)

@@ -3,6 +3,7 @@
 import xml.etree.ElementTree as ET
 
 import numpy as np
+import pybullet
 import pytest
 import trimesh
 
@@ -57,7 +58,6 @@ def test_mass_properties_add_up():
 
 @pytest.fixture
 def engine():
-    pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
     client = pybullet.connect(pybullet.DIRECT)
     body = pybullet.loadURDF(str(URDF), useFixedBase=True, physicsClientId=client)
     yield pybullet, body, client
