@@ -7,7 +7,7 @@ plans, and share the files of those that are made.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,6 +72,7 @@ def run(
     experiment: str,
     orders: int,
     column: str,
+    flags: Mapping[str, str] | None = None,
 ) -> int:
     """The program of an experiment: options, jobs without a row yet, JSON.
 
@@ -82,6 +83,8 @@ def run(
         experiment: name of the file of rows, and what the rows depend on beside the job.
         orders: how many, unless the user says otherwise.
         column: likewise.
+        flags: further options without a value, by name, with their help; those that the user gives are
+            appended to ``experiment``.
 
     Returns:
         exit code: 1 where a job failed.
@@ -89,7 +92,11 @@ def run(
     parser = options(description, orders=orders, out=f"runs/{experiment.split()[0]}.jsonl")
     blind = [name for name, c in COLUMNS.items() if not c.feel]
     parser.add_argument("--column", choices=blind, default=column, help="how to plan (default: %(default)s)")
+    flags = flags or {}
+    for name, text in flags.items():
+        parser.add_argument(f"--{name}", action="store_true", help=text)
     arguments = parser.parse_args()
+    experiment = " ".join([experiment, *(name for name in flags if getattr(arguments, name))])
     prepare(arguments.catalogue, arguments.plans)
     jobs = [
         PlanJob(
