@@ -51,7 +51,7 @@ class WorldConfig:
         iterations: most of the contact solver, a step. A light item under a heavy one needs many: with too
             few it creeps for ever, and into the wall.
         residual: at which the solver stops earlier (Bullet's ``solverResidualThreshold``); a pile at rest
-            creeps the less, the lower it is; with 0 it never does.
+            creeps the less, the lower it is; with 0 the solver never stops earlier.
         breaking: contacts are kept while the surfaces are nearer than this, m.
         anchored: friction pulls a contact back that has crept (Bullet's friction anchors), so a pile at rest
             creeps hardly at all.
