@@ -60,12 +60,12 @@ def test_mass_properties_add_up():
 def engine():
     client = pybullet.connect(pybullet.DIRECT)
     body = pybullet.loadURDF(str(URDF), useFixedBase=True, physicsClientId=client)
-    yield pybullet, body, client
+    yield body, client
     pybullet.disconnect(client)
 
 
 def test_pybullet_agrees_on_every_link_frame(engine):
-    pybullet, body, client = engine
+    body, client = engine
     for q in random_joints(100, 1):
         for i, angle in enumerate(q):
             pybullet.resetJointState(body, i, angle, physicsClientId=client)
@@ -81,7 +81,7 @@ def test_pybullet_agrees_on_every_link_frame(engine):
 
 def test_pybullet_agrees_on_the_lowest_points(engine):
     """Its distance from each link to a floor far below; its round shapes have flat facets."""
-    pybullet, body, client = engine
+    body, client = engine
     half = [9.0, 9.0, 0.5]
     shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
     floor = pybullet.createMultiBody(0, shape, basePosition=[0, 0, -2.5], physicsClientId=client)
