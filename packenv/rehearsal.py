@@ -15,7 +15,7 @@ from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.scores import HEURISTICS, name_of
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
@@ -201,12 +201,6 @@ class _Tried:
         return sum(not outcome.collided for e in self.executions.values() for outcome in e.items)
 
 
-def _name(planner: Planner) -> str:
-    """The name of its heuristic; of one that is not built in, ``own``."""
-    names = (name for name, heuristic in HEURISTICS.items() if heuristic is planner.heuristic)
-    return next(names, "own")
-
-
 @dataclass(eq=False)
 class _Search:
     """Plans of one order that are rehearsed one after another."""
@@ -252,7 +246,7 @@ class _Search:
         yield ("running", running) if running is not None else self.own(planner, first)
         blamed = self.astray
         for number, spare in enumerate(spares, start=1):
-            yield f"spare {number} {_name(spare)}", self.pack(spare)
+            yield f"spare {number} {name_of(spare.heuristic)}", self.pack(spare)
             variants = self.variants(spare, self.astray)
             yield from ((f"spare {number} {how}", packing) for how, packing in variants)
         if running is not None:
@@ -263,7 +257,7 @@ class _Search:
 
     def own(self, planner: Planner, first: Packing | None) -> _Named:
         """What the planner packs."""
-        return (_name(planner), self.pack(planner)) if first is None else ("first", first)
+        return (name_of(planner.heuristic), self.pack(planner)) if first is None else ("first", first)
 
     def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[_Named]:
         """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
@@ -271,7 +265,7 @@ class _Search:
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
         brief = replace(planner, restarts=min(planner.restarts, RESTARTS), resort=())
         for name in ALTERNATIVES:
-            if HEURISTICS[name] is not planner.heuristic:
+            if name != name_of(planner.heuristic):
                 yield name, self.pack(replace(brief, heuristic=HEURISTICS[name]))
         # A restart would bring forward what shall come last.
         straight = replace(brief, restarts=0)
@@ -281,7 +275,7 @@ class _Search:
             if tuple(sequence) in known:
                 return
             known.add(tuple(sequence))
-            yield f"{_name(planner)} late", self.pack(straight, sequence)
+            yield f"{name_of(planner.heuristic)} late", self.pack(straight, sequence)
             late |= self.astray
 
     def result(self, running: Packing | None) -> Rehearsed:

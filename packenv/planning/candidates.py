@@ -111,6 +111,20 @@ class Candidates:
         cells: FloatArray = (self.ix + self.iy).astype(np.float64)
         return cells * self.cell_size
 
+    @property
+    def extents(self) -> FloatArray:
+        """(n, 3) size of each candidate's bounding box, m."""
+        if not self.grids:
+            return np.empty((0, 3))
+        sizes: FloatArray = np.array([grid.oriented.extents for grid in self.grids])[self.grid_index]
+        return sizes
+
+    @property
+    def corners(self) -> FloatArray:
+        """(n, 3) smallest x, y, z of each candidate, container frame, m."""
+        corners: FloatArray = np.column_stack([self.ix * self.cell_size, self.iy * self.cell_size, self.z])
+        return corners
+
 
 def grid_search(
     surface: ContainerMap,

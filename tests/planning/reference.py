@@ -55,9 +55,9 @@ def hm(surface: ContainerMap, oriented: OrientedItem, x: int, y: int, z: float) 
     return (x + y) * surface.cell_size + float(updated(surface, oriented, x, y, z).sum())
 
 
-def dblf(surface: ContainerMap, oriented: OrientedItem, x: int, y: int, z: float) -> float:
-    """Paper eq. 8 with c = 1."""
-    return z + (x + y) * surface.cell_size
+def dblf(surface: ContainerMap, oriented: OrientedItem, x: int, y: int, z: float, c: float = 0.01) -> float:
+    """Paper eq. 8; the paper's c is 1."""
+    return z + c * ((x + y) * surface.cell_size)
 
 
 def minz(surface: ContainerMap, oriented: OrientedItem, x: int, y: int, z: float) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.scores import HEURISTICS, PAPER_CONSTANT, DeepestBottomLeft, heuristic_named, name_of
 from packenv.types import Container
 from tests.planning import reference
 from tests.planning.random_maps import CELL, random_oriented, random_surface
@@ -51,6 +51,33 @@ def test_scores_equal_the_reference(name: str, seed: int) -> None:
         np.testing.assert_allclose(scores, expected, rtol=1e-12, atol=0)
     else:
         assert scores.tolist() == expected
+
+
+@pytest.mark.parametrize("c", [1.0, 0.01, 0.0])
+@pytest.mark.parametrize("name", ["hm", "dblf"])
+def test_the_constant_weighs_x_and_y(name: str, c: float) -> None:
+    """Of equal X + Y the constant changes no rank; the score is affine in it."""
+    found = grid_search(*_case(3))
+    rng = np.random.default_rng(0)
+    none, some, one = (heuristic_named(name, k)(found, rng) for k in (0.0, c, 1.0))
+    np.testing.assert_allclose(some, none + c * (one - none), atol=1e-12)
+    np.testing.assert_allclose(one - none, found.xy_sum, atol=1e-9)
+
+
+def test_deepest_comes_before_bottom_left() -> None:
+    """A candidate that is 1 cm lower beats one that is nearer the corner by the container's whole side."""
+    found = grid_search(*_case(3))
+    low = np.argmin(HEURISTICS["dblf"](found, np.random.default_rng(0)))
+    assert found.z[low] <= found.z.min() + 0.01 * float(np.ptp(found.xy_sum))
+
+
+def test_names_and_heuristics_belong_together() -> None:
+    for name, heuristic in HEURISTICS.items():
+        assert name_of(heuristic) == name
+        assert heuristic_named(name) == heuristic
+        assert name_of(heuristic_named(name, 0.5)) == name
+    assert name_of(lambda candidates, rng: candidates.z) == "own"
+    assert heuristic_named("dblf", PAPER_CONSTANT) == DeepestBottomLeft(1.0)
 
 
 def test_some_cases_have_candidates_and_some_have_none() -> None:
