@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from packenv.errors import InputError, PlanError
-from packenv.geometry.collision import DEFAULT_CLEARANCE, Pose, Posed, overlap_depth, solid_of
+from packenv.geometry.collision import DEFAULT_CLEARANCE, Posed, overlap_depth, solid_of
 from packenv.geometry.sweep import Insertion, Obstacle
-from packenv.types import Container, Item, Placement, Plan
+from packenv.types import Container, Item, Placement, Plan, Pose
 
 PROTRUSION_TOLERANCE = 1e-6
 """How far a vertex may be outside the container before it counts, m."""

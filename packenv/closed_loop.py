@@ -18,7 +18,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, Session
-from packenv.types import Item, Leftover, Placement
+from packenv.types import Item, Leftover, Placement, Pose
 
 DEEPER = 0.003
 """How much deeper or higher than planned an item may come to lie before the rest is rehearsed, m."""
@@ -100,7 +100,7 @@ def run_closed_loop(
                 continue
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
         lying = tuple(
-            Lying(physics[p.item], (r.rotation, r.position)) for p, r in zip(done, resting, strict=True)
+            Lying(physics[p.item], Pose(r.rotation, r.position)) for p, r in zip(done, resting, strict=True)
         )
         again = pack_rehearsed(
             planner,

@@ -8,7 +8,7 @@ import numpy as np
 
 from packenv.io.assets import robot_urdf
 from packenv.io.shelves import ItemShelf
-from packenv.piles import Landing, Pose
+from packenv.piles import Landing
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
@@ -17,7 +17,7 @@ from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import ExecutionConfig, Session
 from packenv.sim.verdicts import OUT
-from packenv.types import Container, Placement
+from packenv.types import Container, Placement, Pose
 
 
 class PhysicalArrangement:

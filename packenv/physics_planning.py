@@ -28,7 +28,7 @@ from packenv.planning.turns import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
-from packenv.types import Container, Item, OrientedItem
+from packenv.types import Container, Item, OrientedItem, Pose
 
 SLIPPERY = 0.5
 """Most friction in a careful drop: what needs more to stay is not to be relied on."""
@@ -122,7 +122,7 @@ class PhysicsConstraint:
     def start(self, resting: Sequence[Resting] = ()) -> tuple[Lying, ...]:
         """The pile to begin with, in a world of its own."""
         self._scratch.close()
-        return tuple(Lying(self._items[p.item.name], (p.rotation, p.position)) for p in resting)
+        return tuple(Lying(self._items[p.item.name], Pose(p.rotation, p.position)) for p in resting)
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """None: what falls depends on the pile."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.packing import Pile
-from packenv.types import Container, FloatArray, Placement
-
-Pose: TypeAlias = tuple[FloatArray, FloatArray]
+from packenv.types import Container, Placement, Pose
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class PlannedArrangement:
         """Put an item where it was planned."""
         surface = self._pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
         self._pile = Pile(surface, tuple(verdict.state for verdict in verdicts))
-        self._poses.append((placement.rotation, placement.position))
+        self._poses.append(placement.pose)
         return Landing()
 
     def close(self) -> None:

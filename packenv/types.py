@@ -7,19 +7,57 @@ Arrays in these records are read-only by convention: whoever wants to change one
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.errors import ContainerError
+from packenv.errors import ContainerError, OrderError, PlanError
+
+if TYPE_CHECKING:
+    import trimesh
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+class Pose(NamedTuple):
+    """Where a mesh frame is: p_container = rotation @ p_mesh + position.
+
+    Attributes:
+        rotation: (3, 3) proper rotation.
+        position: (3,) m.
+    """
+
+    rotation: FloatArray
+    position: FloatArray
+
+    def moved(self, offset: FloatArray) -> Pose:
+        """The same rotation, moved by ``offset`` (3,), m."""
+        return Pose(self.rotation, self.position + offset)
+
+    def apply(self, points: FloatArray) -> FloatArray:
+        """(n, 3) mesh-frame points in the container frame, m."""
+        placed: FloatArray = points @ self.rotation.T + self.position
+        return placed
+
+    def invert(self, points: FloatArray) -> FloatArray:
+        """(n, 3) container-frame points in the mesh frame, m."""
+        local: FloatArray = (points - self.position) @ self.rotation
+        return local
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(4, 4) homogeneous transform."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.position
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -167,6 +205,26 @@ class OrientedItem:
 
 
 @dataclass(frozen=True, eq=False)
+class RobotPath:
+    """How the robot brings an item to its place: straight down, held by the vacuum cup (paper Alg. 1).
+
+    Attributes:
+        grasp: (3,) centre of the cup's lip when the item lies in its place, container frame, m.
+        grasp_kind: ``centre`` of the top surface, another ``flat`` spot, or ``rough``.
+        grasps_tried: how many grasps were looked at.
+        cup_heights: (m,) height of the lip at each waypoint, from the top down, m: the last but one is the
+            release, the last the placement.
+        joints: (m, 6) joint angles at each waypoint, rad.
+    """
+
+    grasp: FloatArray
+    grasp_kind: str
+    grasps_tried: int
+    cup_heights: FloatArray
+    joints: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Placement:
     """An accepted pose of one item of the order.
 
@@ -185,6 +243,7 @@ class Placement:
         checked: candidates that were put to the constraints, this one included.
         rejections: how many of them were rejected, by reason.
         details: figures of the constraints, JSON-able, by name of the constraint.
+        path: the robot's; None where no robot was asked for.
     """
 
     item: str
@@ -201,6 +260,12 @@ class Placement:
     checked: int = 0
     rejections: dict[str, int] = field(default_factory=dict)
     details: dict[str, object] = field(default_factory=dict)
+    path: RobotPath | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Of the mesh frame in the container frame."""
+        return Pose(self.rotation, self.position)
 
 
 @dataclass(frozen=True)
@@ -244,6 +309,23 @@ class Order:
     lines: tuple[OrderLine, ...]
     source: Path | None = None
 
+    @classmethod
+    def of(cls, *names: str) -> Order:
+        """An order made in code: ``Order.of("mug", "bowl", "bowl")``.
+
+        Args:
+            names: item names in sequence, a name as often as there are pieces of it.
+
+        Raises:
+            OrderError: no name, or a name that is no text.
+        """
+        for name in names:
+            if not isinstance(name, str) or not name:
+                raise OrderError(f"the order has {name!r:.60}, give item names: Order.of('mug', 'bowl')")
+        if not names:
+            raise OrderError("the order is empty, give at least one item: Order.of('mug', 'bowl')")
+        return cls(tuple(OrderLine(name, len(list(pieces))) for name, pieces in groupby(names)))
+
     @property
     def names(self) -> tuple[str, ...]:
         """Every piece's item name, quantities written out, in the user's sequence."""
@@ -283,6 +365,10 @@ class Plan:
         unit: the unit that the user gave for the catalogue's meshes, or None.
         order: the order's lines.
         meshes: the mesh of every item of the order, by item name.
+        made_by: ``planner``; ``agent``, an episode of the environment; or after a rehearsal how the plan was
+            made that it chose (docs/plan-format.md).
+        items: the items themselves, by name, where they were at hand when the plan was made or read; they are
+            in no file.
     """
 
     container: Container
@@ -294,6 +380,35 @@ class Plan:
     unit: str | None = None
     order: tuple[OrderLine, ...] = ()
     meshes: dict[str, MeshRecord] = field(default_factory=dict)
+    made_by: str = "planner"
+    items: Mapping[str, Item] = field(default_factory=dict, repr=False)
+
+    def to_scene(self) -> trimesh.Scene:
+        """The packed items as a trimesh scene in the container frame: z up, m; a node for each placement.
+
+        Nodes and geometries have the items' names; ``scene.metadata`` holds the container's size.
+
+        Raises:
+            PlanError: the meshes of its items are not at hand: read the plan by ``packenv.load_plan``.
+        """
+        import trimesh
+
+        scene = trimesh.Scene(metadata={"container": list(self.container.size), "units": "m"})
+        for placement in self.placements:
+            if placement.item not in self.items:
+                raise PlanError(
+                    f"the mesh of {placement.item} is not at hand, read the plan by packenv.load_plan(path)"
+                )
+            item = self.items[placement.item]
+            node = placement.item if placement.instance == 1 else f"{placement.item}-{placement.instance}"
+            if placement.item in scene.geometry:
+                scene.graph.update(  # type: ignore[no-untyped-call]
+                    node, matrix=placement.pose.matrix, geometry=placement.item
+                )
+                continue
+            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False)
+            scene.add_geometry(mesh, node, placement.item, transform=placement.pose.matrix)
+        return scene
 
     @property
     def complete(self) -> bool:

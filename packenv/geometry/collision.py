@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, Generic, TypeVar
 
@@ -34,7 +33,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from packenv.types import FloatArray, IntArray, Item
+from packenv.types import FloatArray, IntArray, Item, Pose
 
 DEFAULT_CLEARANCE = 2e-5
 """Depth up to which contact is touching, not overlap, m."""
@@ -88,33 +87,6 @@ class BoundedCache(Generic[_T]):
     def clear(self) -> None:
         """Forget everything."""
         self._values.clear()
-
-
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """p_container = rotation @ p_mesh + position.
-
-    Attributes:
-        rotation: (3, 3) proper rotation.
-        position: (3,) m.
-    """
-
-    rotation: FloatArray
-    position: FloatArray
-
-    def moved(self, offset: FloatArray) -> Pose:
-        """The same rotation, moved by ``offset`` (3,), m."""
-        return Pose(self.rotation, self.position + offset)
-
-    def apply(self, points: FloatArray) -> FloatArray:
-        """(n, 3) mesh-frame points in the container frame, m."""
-        placed: FloatArray = points @ self.rotation.T + self.position
-        return placed
-
-    def invert(self, points: FloatArray) -> FloatArray:
-        """(n, 3) container-frame points in the mesh frame, m."""
-        local: FloatArray = (points - self.position) @ self.rotation
-        return local
 
 
 IDENTITY = Pose(np.eye(3), np.zeros(3))

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from packenv.sim.camera import Frame
     from packenv.sim.session import Execution
 
-Pose: TypeAlias = tuple[FloatArray, FloatArray]
 Progress: TypeAlias = Callable[[Sequence["Frame"]], Iterable["Frame"]]
 
 SIZE = (480, 360)

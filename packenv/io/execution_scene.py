@@ -11,7 +11,7 @@ import numpy as np
 
 from packenv.io.executions import mean_lengths
 from packenv.io.scene import Scene, build_scene
-from packenv.types import FloatArray, Item, Plan
+from packenv.types import Item, Plan, Pose
 
 if TYPE_CHECKING:
     from packenv.sim.session import Execution, ItemOutcome
@@ -67,7 +67,7 @@ def _figures(outcome: ItemOutcome, item: Item, execution: Execution, k: int) -> 
     return figures
 
 
-def _travel(item: Item, a: tuple[FloatArray, FloatArray], b: tuple[FloatArray, FloatArray]) -> float:
+def _travel(item: Item, a: Pose, b: Pose) -> float:
     """How far the centre of mass is between two poses, m."""
     return float(np.linalg.norm(a[0] @ item.com + a[1] - b[0] @ item.com - b[1]))
 

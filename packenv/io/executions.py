@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from packenv import __version__
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.io.files import write_whole
-from packenv.types import FloatArray, Leftover, Placement
+from packenv.types import Leftover, Placement, Pose
 
 if TYPE_CHECKING:
     from packenv.sim.disturbance import Disturbance
@@ -92,9 +92,7 @@ def write_execution(path: Path, document: Mapping[str, Any]) -> None:
     write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
-def _item_to_json(
-    step: int, outcome: ItemOutcome, instance: int, final: tuple[FloatArray, FloatArray]
-) -> dict[str, Any]:
+def _item_to_json(step: int, outcome: ItemOutcome, instance: int, final: Pose) -> dict[str, Any]:
     return {
         "step": step,
         "item": outcome.item,
@@ -119,6 +117,6 @@ def _disturbance_to_json(disturbance: Disturbance, config: ExecutionConfig) -> d
     return {**asdict(disturbance), "drawn_mu": disturbance.config(config).world.mu}
 
 
-def _pose_to_json(pose: tuple[FloatArray, FloatArray]) -> dict[str, list[float]]:
+def _pose_to_json(pose: Pose) -> dict[str, list[float]]:
     rotation, position = pose
     return {"position": position.tolist(), "quat_xyzw": rotation_to_quaternion(rotation).tolist()}

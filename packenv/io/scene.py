@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from packenv.errors import PlanError
-from packenv.types import Container, Float32Array, FloatArray, Item, Leftover, Placement, Plan
+from packenv.types import Container, Float32Array, FloatArray, Item, Leftover, Placement, Plan, Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class SceneStep:
     placement: Placement
     item: Item
     figures: Mapping[str, object] = field(default_factory=dict)
-    measured: tuple[FloatArray, FloatArray] | None = None
+    measured: Pose | None = None
 
     @property
     def vertices(self) -> FloatArray:

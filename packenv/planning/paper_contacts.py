@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import fcl
 import numpy as np
 
-from packenv.geometry.collision import BoundedCache, Pose, Surface
+from packenv.geometry.collision import BoundedCache, Surface
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.planning.contacts import Body, join, no_contacts
-from packenv.types import BoolArray, Contacts, Container, FloatArray
+from packenv.types import BoolArray, Contacts, Container, FloatArray, Pose
 
 _FCL_CONTACTS = 20_000
 _SURFACES: BoundedCache[tuple[SurfaceField, Surface]] = BoundedCache(32)

@@ -12,7 +12,7 @@ import pybullet
 
 from packenv.robot.tx90_data import LOWER
 from packenv.sim.world import World
-from packenv.types import FloatArray
+from packenv.types import FloatArray, Pose
 
 _STILL_JOINT = 1e-3
 _STILL_ITEM = 2e-4
@@ -30,7 +30,7 @@ class Frame:
 
     time: float
     joints: FloatArray | None
-    poses: tuple[tuple[FloatArray, FloatArray], ...]
+    poses: tuple[Pose, ...]
 
 
 class Recorder:

@@ -13,7 +13,7 @@ from packenv.robot.cell import Cell
 from packenv.robot.motion import follow, refine
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import Touch
-from packenv.types import FloatArray
+from packenv.types import FloatArray, Pose
 
 _RADII = (0.002, 0.004, 0.006)
 """How far to search beside a contact, m."""
@@ -108,9 +108,9 @@ class Way:
         """Number of time steps, and one."""
         return len(self.poses)
 
-    def held(self, k: int) -> tuple[FloatArray, FloatArray]:
+    def held(self, k: int) -> Pose:
         """(3, 3) and (3,) pose of the held item's mesh frame in the container frame."""
-        return self.poses[k, :3, :3], self.poses[k, :3, 3]
+        return Pose(self.poses[k, :3, :3], self.poses[k, :3, 3])
 
     def back(self, k: int) -> FloatArray:
         """(k + 1, 6) joints from index ``k`` back to the start; none for an ideal hand."""

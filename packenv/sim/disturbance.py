@@ -10,7 +10,7 @@ import numpy as np
 from packenv.geometry.transforms import yaw_rotation
 from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ExecutionConfig
-from packenv.types import FloatArray
+from packenv.types import FloatArray, Pose
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Disturbance:
 
 def _about(task: PlacementTask, turn: FloatArray, away: FloatArray) -> FloatArray:
     """(4, 4) turn about the vertical through the planned centre of mass, and shift."""
-    com = task.item.com_at((task.rotation, task.position))
+    com = task.item.com_at(Pose(task.rotation, task.position))
     slip = np.eye(4)
     slip[:3, :3] = turn
     slip[:3, 3] = com - turn @ com

@@ -12,9 +12,8 @@ from packenv.geometry.transforms import angle_between, yaw_rotation
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.rest import RestRule, RestWatch
-from packenv.sim.verdicts import Pose
 from packenv.sim.world import World, WorldConfig
-from packenv.types import Container, FloatArray
+from packenv.types import Container, FloatArray, Pose
 
 
 @dataclass(frozen=True)
@@ -130,10 +129,10 @@ class DropTest:
         """
         world = self._world
         self._lay(pile)
-        com = item.com_at((rotation, position))
+        com = item.com_at(Pose(rotation, position))
         turn = yaw_rotation(how.yaw)
         release = com + np.array([*how.offset, how.height])
-        start = (turn @ rotation, release - turn @ rotation @ item.com)
+        start = Pose(turn @ rotation, release - turn @ rotation @ item.com)
         world.sleep()
         world.pace(how.time_step)
         world.rub(None if how.mu is None else min(how.mu, world.config.mu))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.types import Container, FloatArray, Item
+from packenv.types import Container, FloatArray, Item, Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class PhysicsItem:
             reach,
         )
 
-    def body_pose(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def body_pose(self, rotation: FloatArray, position: FloatArray) -> Pose:
         """Where the body frame is when the mesh frame is at (rotation, position).
 
         Args:
@@ -71,17 +71,17 @@ class PhysicsItem:
         Returns:
             (3, 3) and (3,) of the body frame.
         """
-        return rotation @ self.axes, self.com_at((rotation, position))
+        return Pose(rotation @ self.axes, self.com_at(Pose(rotation, position)))
 
-    def com_at(self, pose: tuple[FloatArray, FloatArray]) -> FloatArray:
+    def com_at(self, pose: Pose) -> FloatArray:
         """(3,) centre of mass in the world at a pose of the mesh frame, m."""
         com: FloatArray = pose[0] @ self.com + pose[1]
         return com
 
-    def mesh_pose(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def mesh_pose(self, rotation: FloatArray, position: FloatArray) -> Pose:
         """Inverse of :meth:`body_pose`."""
         mesh = rotation @ self.axes.T
-        return mesh, position - mesh @ self.com
+        return Pose(mesh, position - mesh @ self.com)
 
     def heavier(self, factor: float) -> PhysicsItem:
         """The same shape with ``factor`` times the mass."""

@@ -11,7 +11,7 @@ from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
 from packenv.sim.rest import RestRule, RestWatch, Settled
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.world import Touch, World
-from packenv.types import FloatArray
+from packenv.types import FloatArray, Pose
 
 _SUPPORT = 0.3
 """A contact whose normal points up by at least this (sine) holds a body."""
@@ -58,7 +58,7 @@ class Placed:
     body: int
     deepest: Touch | None
     collided: Touch | None
-    released: tuple[FloatArray, FloatArray]
+    released: Pose
     settled: Settled
 
 

@@ -15,9 +15,9 @@ from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
 from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
-from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
+from packenv.sim.verdicts import DISPLACED, Cause, collision, sticking_out
 from packenv.sim.world import World, WorldConfig
-from packenv.types import Container, FloatArray
+from packenv.types import Container, FloatArray, Pose
 
 FEEL = 0.0005
 """Depth at which a robot that feels contacts does, m."""
@@ -185,7 +185,7 @@ class Session(Closing):
 
     def _outcome(self, task: PlacementTask, placed: Placed, now: Pose, moved: tuple[int, ...]) -> ItemOutcome:
         k = len(self._bodies) - 1
-        planned = (task.rotation, task.position)
+        planned = Pose(task.rotation, task.position)
         away = self._com(k, now) - self._com(k, planned)
         drop = self._com(k, placed.released) - self._com(k, now)
         deepest = placed.deepest

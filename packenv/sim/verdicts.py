@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
 from packenv.sim.physics_items import PhysicsItem
-from packenv.types import Container, FloatArray
+from packenv.types import Container, Pose
 
 Cause: TypeAlias = Literal["collision", "item-displaced", "item-out"]
-Pose: TypeAlias = tuple[FloatArray, FloatArray]
 
 OUT = 0.002
 """An item whose hull is farther outside the container than this is out, m: a cell of the heightmaps."""

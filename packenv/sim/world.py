@@ -24,7 +24,7 @@ import pybullet
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.sim.closing import Closing
 from packenv.sim.physics_items import PhysicsItem
-from packenv.types import Container, FloatArray
+from packenv.types import Container, FloatArray, Pose
 
 SCALE = 10.0
 """Lengths in the engine over lengths in metres."""
@@ -237,7 +237,7 @@ class World(Closing):
         for body in (*self.fixed, *self._items):
             pybullet.changeDynamics(body, -1, **self._surface(), physicsClientId=self._client)
 
-    def pose(self, body: int) -> tuple[FloatArray, FloatArray]:
+    def pose(self, body: int) -> Pose:
         """(3, 3) and (3,) of a body's mesh frame, m."""
         at, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=self._client)
         turned = quaternion_to_rotation(np.array(quaternion))
