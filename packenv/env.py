@@ -45,7 +45,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
       ``height`` of its bounding box, m; ``yaw``, rad; ``pose``, index; its ``probability``; ``perturbed``,
       0 or 1; ``com_height``, m; ``support_margin``, m; then of HM, DBLF, MTA, MinZ and FirstFit
       ``score_<name>``, 0 (best) to 1, and ``rank_<name>`` among all legal candidates, from 0.
-    - ``items`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
+    - ``remaining`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
       ``height``, m; ``volume``, m³; ``mass``, kg; ``share_filled``; ``deferred``.
     - ``state`` (7,): ``length``, ``width``, ``height`` of the container, m; ``utilization``;
       ``packed_share``; ``left_share``; ``stage``: 0 first pass, 1 back again, 2 perturbed.

@@ -43,7 +43,7 @@ def test_every_setting_is_named() -> None:
     assert [f.name for f in fields(PackConfig) if f"`{f.name}`" not in PAGE] == []
 
 
-@pytest.mark.parametrize(("key", "column"), [("candidates", FEATURES), ("items", ITEM_FEATURES)])
+@pytest.mark.parametrize(("key", "column"), [("candidates", FEATURES), ("remaining", ITEM_FEATURES)])
 def test_stated_widths_are_those_of_the_space(key: str, column: tuple[str, ...]) -> None:
     env = make_env()
     assert env.observation_space[key].shape[-1] == len(column)
