@@ -9,6 +9,7 @@ import pytest
 from packenv.config import PackConfig
 from packenv.env import PackEnv
 from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
+from packenv.reward import Outcome
 from tests.conftest import REPO
 from tests.env_samples import make_env
 
@@ -50,3 +51,7 @@ def test_stated_widths_are_those_of_the_space(key: str, column: tuple[str, ...])
     for text in (PAGE, DOCSTRING):
         assert f", {len(column)})" in text
     env.close()
+
+
+def test_every_field_of_an_outcome_is_named() -> None:
+    assert [f.name for f in fields(Outcome) if f"`{f.name}`" not in PAGE] == []
