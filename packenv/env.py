@@ -17,7 +17,7 @@ from packenv.errors import InputError
 from packenv.io.catalogues import open_catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.observation import Observation, Observer
-from packenv.order_generators import DEFAULT_SPEC, GeneratedOrder, OrderGenerator, from_spec
+from packenv.order_generators import GeneratedOrder, OrderGenerator, make_generator, next_order
 from packenv.piles import Landing
 from packenv.reward import Outcome, RewardFn, make_reward
 from packenv.types import Container, Placement, Plan
@@ -92,7 +92,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self,
         config: PackConfig | Mapping[str, Any] | None = None,
         *,
-        order_generator: OrderGenerator | Mapping[str, Any] | None = None,
+        order_generator: OrderGenerator | Mapping[str, Any] | str | None = None,
         reward_fn: RewardFn | Mapping[str, float] | str | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -100,7 +100,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Args:
             config: settings, or a mapping of those that differ from the defaults.
-            order_generator: what makes the orders, or its specification; 10 random items where None.
+            order_generator: what makes the orders, or its specification, or its name as
+                ``my_module:MyGenerator``; 10 random items where None.
             reward_fn: weights of the reward's terms; or a function from ``Outcome`` to a number or to named
                 terms; or its name as ``my_module:my_reward``.
             render_mode: ``human``, ``rgb_array`` or None.
@@ -120,9 +121,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit)
         # Physics knows convex parts alone, so planning must know them too.
         self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
-        if order_generator is None or isinstance(order_generator, Mapping):
-            order_generator = from_spec(order_generator or DEFAULT_SPEC, catalogue)
-        self._generator = order_generator
+        self._generator = make_generator(order_generator, catalogue)
         self._rules = Rules(self.config, self._shelf)
         self._episode: Episode | None = None
         self._drawn: tuple[GeneratedOrder, Container] | None = None
@@ -151,7 +150,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         order = (
             GeneratedOrder(tuple(options["order"]))
             if options.get("order") is not None
-            else self._generator.generate(self.np_random)
+            else next_order(self._generator, self.np_random)
         )
         container = order.container or Container(*self.config.containers[which])
         if options.get("container") is not None:
