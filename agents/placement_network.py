@@ -70,13 +70,13 @@ class ObservationLayout:
 
     Attributes:
         candidates: names of the columns of ``candidates``.
-        items: names of the columns of ``items``.
+        remaining: names of the columns of ``remaining``.
         state: names of the entries of ``state``.
         pixel: side of a pixel of the observed heightmaps, m.
     """
 
     candidates: tuple[str, ...]
-    items: tuple[str, ...]
+    remaining: tuple[str, ...]
     state: tuple[str, ...]
     pixel: float
 
@@ -245,7 +245,7 @@ class _Normalizer(nn.Module):
         super().__init__()
         self.layout = layout
         self._row = _Columns("candidates", layout.candidates, _CANDIDATE_COLUMNS)
-        self._item = _Columns("items", layout.items, _ITEM_COLUMNS)
+        self._item = _Columns("remaining", layout.remaining, _ITEM_COLUMNS)
         self._state = _Columns("state", layout.state, _STATE_COLUMNS)
         self._scores = [i for i, name in enumerate(layout.candidates) if name.startswith("score_")]
         self._ranks = [i for i, name in enumerate(layout.candidates) if name.startswith("rank_")]
@@ -256,7 +256,7 @@ class _Normalizer(nn.Module):
         self.state_columns = len(_STATE_COLUMNS) + 1
 
     def forward(self, observation: Mapping[str, Tensor]) -> _Seen:
-        state, rows, items = observation["state"], observation["candidates"], observation["items"]
+        state, rows, items = observation["state"], observation["candidates"], observation["remaining"]
         size = torch.stack([self._state(state, side) for side in _SIDES], dim=1)
         height = size[:, 2].clamp(min=1e-3)
         return _Seen(

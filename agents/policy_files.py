@@ -24,7 +24,7 @@ from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
 
 WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def current_layout(pixel: float) -> ObservationLayout:
@@ -108,7 +108,7 @@ def read_policy(folder: Path) -> PlacementNetwork:
         stored = document["layout"]
         layout = ObservationLayout(
             candidates=tuple(stored["candidates"]),
-            items=tuple(stored["items"]),
+            remaining=tuple(stored["remaining"]),
             state=tuple(stored["state"]),
             pixel=float(stored["pixel"]),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import TYPE_CHECKING, Any, SupportsInt, cast
 
 import gymnasium
@@ -16,10 +17,10 @@ from packenv.errors import InputError
 from packenv.io.catalogues import open_catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.observation import Observation, Observer
-from packenv.order_generators import DEFAULT_SPEC, GeneratedOrder, OrderGenerator, from_spec
+from packenv.order_generators import GeneratedOrder, OrderGenerator, make_generator, next_order
 from packenv.piles import Landing
 from packenv.reward import Outcome, RewardFn, make_reward
-from packenv.types import Container, Plan
+from packenv.types import Container, Placement, Plan
 
 if TYPE_CHECKING:
     from packenv.sim.render import Renderer
@@ -45,7 +46,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
       ``height`` of its bounding box, m; ``yaw``, rad; ``pose``, index; its ``probability``; ``perturbed``,
       0 or 1; ``com_height``, m; ``support_margin``, m; then of HM, DBLF, MTA, MinZ and FirstFit
       ``score_<name>``, 0 (best) to 1, and ``rank_<name>`` among all legal candidates, from 0.
-    - ``items`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
+    - ``remaining`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
       ``height``, m; ``volume``, m³; ``mass``, kg; ``share_filled``; ``deferred``.
     - ``state`` (7,): ``length``, ``width``, ``height`` of the container, m; ``utilization``;
       ``packed_share``; ``left_share``; ``stage``: 0 first pass, 1 back again, 2 perturbed.
@@ -62,7 +63,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
     was placed now; ``utilization``, share of the container's volume that was placed now; ``complete``, 1 at
     the end of a complete order; ``outside`` and ``collision``, negative, in physics; ``left_over``, weight
     0; ``invalid``, -0.1 for an invalid action, which changes nothing else. ``reward_fn`` gives other
-    weights.
+    weights, or a reward of one's own.
 
     ## Start, termination, truncation
 
@@ -91,16 +92,18 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self,
         config: PackConfig | Mapping[str, Any] | None = None,
         *,
-        order_generator: OrderGenerator | Mapping[str, Any] | None = None,
-        reward_fn: RewardFn | Mapping[str, float] | None = None,
+        order_generator: OrderGenerator | Mapping[str, Any] | str | None = None,
+        reward_fn: RewardFn | Mapping[str, float] | str | None = None,
         render_mode: str | None = None,
     ) -> None:
         """Open the catalogue; items are loaded when an order asks for them.
 
         Args:
             config: settings, or a mapping of those that differ from the defaults.
-            order_generator: what makes the orders, or its specification; 10 random items where None.
-            reward_fn: weights of the reward's terms, or a function that makes terms of its own.
+            order_generator: what makes the orders, or its specification, or its name as
+                ``my_module:MyGenerator``; 10 random items where None.
+            reward_fn: weights of the reward's terms; or a function from ``Outcome`` to a number or to named
+                terms; or its name as ``my_module:my_reward``.
             render_mode: ``human``, ``rgb_array`` or None.
 
         Raises:
@@ -118,13 +121,12 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit)
         # Physics knows convex parts alone, so planning must know them too.
         self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
-        if order_generator is None or isinstance(order_generator, Mapping):
-            order_generator = from_spec(order_generator or DEFAULT_SPEC, catalogue)
-        self._generator = order_generator
+        self._generator = make_generator(order_generator, catalogue)
         self._rules = Rules(self.config, self._shelf)
         self._episode: Episode | None = None
         self._drawn: tuple[GeneratedOrder, Container] | None = None
         self._actions: list[int] = []
+        self._told: list[Placement] = []
         self._invalid_on_end = 0
         self._left_over_told = 0
         self._renderer: Renderer | None = None
@@ -148,7 +150,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         order = (
             GeneratedOrder(tuple(options["order"]))
             if options.get("order") is not None
-            else self._generator.generate(self.np_random)
+            else next_order(self._generator, self.np_random)
         )
         container = order.container or Container(*self.config.containers[which])
         if options.get("container") is not None:
@@ -279,7 +281,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
                     f"the order asks for {name!r:.80}, which {self.config.catalogue} does not have"
                 )
         self._drawn = (order, container)
-        self._actions, self._invalid_on_end, self._left_over_told = [], 0, 0
+        self._actions, self._told, self._invalid_on_end, self._left_over_told = [], [], 0, 0
         self._episode = Episode(self.config, self._rules, container, order.items)
 
     def _observation(self) -> Observation:
@@ -299,6 +301,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             return sum(self._shelf.item(name).volume for name in names) / container.volume
 
         newest = frozenset(range(len(episode.placements) - placed, len(episode.placements)))
+        self._told += deepcopy(episode.placements[len(self._told) :])
         return Outcome(
             invalid=invalid,
             placed=placed,
@@ -310,6 +313,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             ended=episode.ended,
             complete=len(episode.inside) == len(episode.names) and not episode.collided,
             pieces=len(episode.names),
+            placements=tuple(self._told),
+            heights=episode.arrangement.pile.surface.heights.copy(),
         )
 
     def _info(self, invalid: bool, landing: Landing, outcome: Outcome) -> dict[str, Any]:

@@ -56,7 +56,7 @@ ITEM_FEATURES: tuple[str, ...] = (
     "share_filled",
     "deferred",
 )
-"""Columns of ``items``."""
+"""Columns of ``remaining``."""
 
 STATE_FEATURES: tuple[str, ...] = (
     "length",
@@ -163,7 +163,7 @@ class Observer:
                 "container": _box(np.zeros(self.pixels), np.full(self.pixels, height)),
                 "item": _box(np.zeros(maps_high.shape), maps_high),
                 "candidates": _box(np.tile(low, (k, 1)), np.tile(high, (k, 1))),
-                "items": _box(
+                "remaining": _box(
                     np.zeros((config.max_items, len(ITEM_FEATURES))),
                     np.tile(item_high, (config.max_items, 1)),
                 ),
@@ -183,7 +183,7 @@ class Observer:
             "container": self._container(view),
             "item": self._item(view.current),
             "candidates": self._candidates(view),
-            "items": self._items(view.items),
+            "remaining": self._remaining(view.items),
             "state": np.array(
                 [*view.container.size, view.utilization, view.packed_share, view.left_share, view.stage]
             ),
@@ -275,7 +275,7 @@ class Observer:
         rows[:, 13 + columns :] = offered.ranks
         return table
 
-    def _items(self, items: Sequence[ItemView]) -> FloatArray:
+    def _remaining(self, items: Sequence[ItemView]) -> FloatArray:
         table = np.zeros((self.config.max_items, len(ITEM_FEATURES)))
         for row, item in zip(table, items, strict=False):
             box = float(item.extents.prod())

@@ -1,15 +1,19 @@
-"""What an action is worth: named terms whose sum is the reward."""
+"""What an action is worth: named terms whose sum is the reward, the default ones or a user's own."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Final, TypeAlias
 
 from packenv.errors import InputError
+from packenv.extensions import load_extension
+from packenv.types import Float32Array, Placement
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of one action.
 
@@ -24,6 +28,9 @@ class Outcome:
         ended: the episode has terminated.
         complete: it has, with every piece packed and none outside.
         pieces: pieces of the order.
+        placements: of the episode so far, in packing sequence, as planned. Copies: what is written into them
+            changes nothing.
+        heights: (nx, ny) float32, container heightmap after the action, m; a copy, too.
     """
 
     invalid: bool
@@ -36,10 +43,15 @@ class Outcome:
     ended: bool
     complete: bool
     pieces: int
+    placements: tuple[Placement, ...]
+    heights: Float32Array
 
 
-RewardFn: TypeAlias = Callable[[Outcome], Mapping[str, float]]
-"""The named terms of an outcome, the same names every time."""
+RewardFn: TypeAlias = Callable[[Outcome], float | Mapping[str, float]]
+"""The reward of an outcome: a number, or named terms whose sum it is, with the same names every time."""
+
+Terms: TypeAlias = Callable[[Outcome], Mapping[str, float]]
+"""The named terms of an outcome, each a finite number."""
 
 WEIGHTS: Final[Mapping[str, float]] = {
     "packed": 1.0,
@@ -93,17 +105,65 @@ class WeightedReward:
         return {name: weight * raw[name] + 0.0 for name, weight in self.weights}
 
 
-def make_reward(choice: RewardFn | Mapping[str, Any] | None) -> RewardFn:
+@dataclass(frozen=True)
+class OwnReward:
+    """The terms of a user's own function; a number that stands alone is the term ``custom``.
+
+    Attributes:
+        function: what the user gave.
+    """
+
+    function: RewardFn
+
+    def __call__(self, outcome: Outcome) -> dict[str, float]:
+        """The terms of an outcome.
+
+        Raises:
+            InputError: the function returned something else than finite numbers.
+        """
+        returned: object = self.function(outcome)
+        if not isinstance(returned, Mapping):
+            number = _finite(returned)
+            if number is None:
+                raise InputError(
+                    f"reward_fn returned {returned!r:.60}, give a finite number, or finite numbers by name "
+                    "such as {'packed': 1.0}"
+                )
+            return {"custom": number}
+        terms: dict[str, float] = {}
+        for name, value in returned.items():
+            number = _finite(value)
+            if number is None or not isinstance(name, str):
+                raise InputError(
+                    f"reward_fn returned {value!r:.60} as its term {name!r:.60}, give finite numbers by name "
+                    "such as {'packed': 1.0}"
+                )
+            terms[name] = number
+        return terms
+
+
+def make_reward(choice: RewardFn | Mapping[str, Any] | str | None) -> Terms:
     """The reward that a choice names.
 
     Args:
-        choice: a function of the outcome; or weights by term, what is left out keeping its default; or None.
+        choice: a function of the outcome, or its name as ``my_module:my_reward``; or weights by term, what is
+            left out keeping its default; or None.
 
     Raises:
-        InputError: an unknown term, or a weight that is no number.
+        InputError: an unknown term, a weight that is no number, or no such function.
     """
+    if isinstance(choice, str):
+        found = load_extension(choice, "reward_fn")
+        if not callable(found):
+            raise InputError(f"reward_fn {choice}: is {found!r:.60}, name a function of the outcome")
+        return OwnReward(found)
     if callable(choice):
-        return choice
+        return OwnReward(choice)
+    if choice is not None and not isinstance(choice, Mapping):
+        raise InputError(
+            f"reward_fn is {choice!r:.60}, give weights by term, a function of the outcome, or its name as "
+            "my_module:my_reward"
+        )
     weights = dict(WEIGHTS)
     for name, weight in (choice or {}).items():
         if name not in weights:
@@ -112,3 +172,14 @@ def make_reward(choice: RewardFn | Mapping[str, Any] | None) -> RewardFn:
             raise InputError(f"reward_fn: the weight of {name} is {weight!r:.60}, give a finite number")
         weights[name] = float(weight)
     return WeightedReward(tuple(weights.items()))
+
+
+def _finite(value: object) -> float | None:
+    """A finite number; None for anything else, True and False included."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

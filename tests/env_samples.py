@@ -10,6 +10,7 @@ import numpy as np
 from packenv.env import PackEnv
 from packenv.observation import FEATURES
 from packenv.order_generators import GeneratedOrder
+from packenv.reward import Outcome
 
 ITEMS = ("gelatin_box", "soap_bar", "golf_ball", "tuna_can", "toy_brick_2x4", "foam_brick")
 """Of the built-in catalogue."""
@@ -38,6 +39,11 @@ class Drawn:
 
     def generate(self, rng: np.random.Generator) -> GeneratedOrder:
         return GeneratedOrder(tuple(str(name) for name in rng.choice(ITEMS, 3)))
+
+
+def volume_alone(outcome: Outcome) -> float:
+    """A reward of one's own, as a plain number."""
+    return outcome.placed_volume
 
 
 def random_action(mask: np.ndarray, rng: np.random.Generator) -> int:

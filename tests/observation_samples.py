@@ -50,7 +50,7 @@ def observations(
         "container": rng.uniform(0, 0.15, (batch, side, side)).astype(np.float32),
         "item": maps,
         "candidates": rows,
-        "items": pieces,
+        "remaining": pieces,
         "state": state,
         "action_mask": mask,
     }

@@ -9,6 +9,7 @@ import pytest
 from packenv.config import PackConfig
 from packenv.env import PackEnv
 from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
+from packenv.reward import Outcome
 from tests.conftest import REPO
 from tests.env_samples import make_env
 
@@ -43,10 +44,14 @@ def test_every_setting_is_named() -> None:
     assert [f.name for f in fields(PackConfig) if f"`{f.name}`" not in PAGE] == []
 
 
-@pytest.mark.parametrize(("key", "column"), [("candidates", FEATURES), ("items", ITEM_FEATURES)])
+@pytest.mark.parametrize(("key", "column"), [("candidates", FEATURES), ("remaining", ITEM_FEATURES)])
 def test_stated_widths_are_those_of_the_space(key: str, column: tuple[str, ...]) -> None:
     env = make_env()
     assert env.observation_space[key].shape[-1] == len(column)
     for text in (PAGE, DOCSTRING):
         assert f", {len(column)})" in text
     env.close()
+
+
+def test_every_field_of_an_outcome_is_named() -> None:
+    assert [f.name for f in fields(Outcome) if f"`{f.name}`" not in PAGE] == []

@@ -166,7 +166,7 @@ def test_items_and_state_follow_the_episode() -> None:
     deferred: list[str] = []
     ended, k = False, 0
     while not ended:
-        table = obs["items"]
+        table = obs["remaining"]
         assert int(table[:, 0].sum()) == len(waiting) == info["items_left"]
         for row, name in zip(table, waiting, strict=False):
             told = dict(zip(ITEM_FEATURES, row, strict=True))
@@ -202,7 +202,7 @@ def test_online_shows_the_buffer_alone() -> None:
     env = make_env(mask="legal", arrivals="online", buffer=2)
     obs, info = env.reset(seed=0)
     assert info["item"] == ITEMS[0]
-    assert int(obs["items"][:, 0].sum()) == 2
+    assert int(obs["remaining"][:, 0].sum()) == 2
     _, _, _, _, info = env.step(12)
     assert (info["item"], info["stage"]) == (ITEMS[1], 0)
     obs, _, _, _, info = env.step(best_action(obs))

@@ -79,7 +79,7 @@ def _damage(folder, kind):
     elif kind == "no layout":
         config.write_text(json.dumps({key: document[key] for key in ("schema_version", "network")}))
     elif kind == "other columns":
-        document["layout"]["items"].reverse()
+        document["layout"]["remaining"].reverse()
         config.write_text(json.dumps(document))
     elif kind == "other sizes":
         document["network"]["embedding"] += 1

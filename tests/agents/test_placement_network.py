@@ -60,7 +60,7 @@ def test_padding_changes_nothing():
     padded = {**obs, "candidates": np.pad(obs["candidates"], ((0, 0), (0, 5), (0, 0)))}
     mask = obs["action_mask"]
     padded["action_mask"] = np.concatenate((mask[:, :-1], np.zeros((3, 5), np.int8), mask[:, -1:]), 1)
-    padded["items"] = np.pad(obs["items"], ((0, 0), (0, 3), (0, 0)))
+    padded["remaining"] = np.pad(obs["remaining"], ((0, 0), (0, 3), (0, 0)))
     padded["item"] = np.pad(obs["item"], ((0, 0), (0, 2), (0, 0), (0, 0), (0, 0)))
     logits, value = run(made, obs)
     more, more_value = run(made, padded)
@@ -77,7 +77,7 @@ def test_observations_of_a_batch_do_not_see_each_other():
         np.testing.assert_allclose(alone[1][0], value[k], atol=1e-12)
 
 
-@pytest.mark.parametrize("part", ["container", "item", "candidates", "items", "state"])
+@pytest.mark.parametrize("part", ["container", "item", "candidates", "remaining", "state"])
 def test_every_part_of_the_observation_matters(part):
     made, obs, other = network(), observations(2), observations(2, seed=5)
     changed = {**obs, part: other[part] * (1.1 if part == "state" else 1)}
