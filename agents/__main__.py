@@ -111,7 +111,7 @@ def _run(arguments: argparse.Namespace) -> int:
     # Only now: --help and mistakes need not wait for the planner's libraries.
     from agents.running import AgentSpec, EpisodeRecord, FailedEpisode, Setting, episode_jobs
     from agents.summary import summarize, table
-    from packenv.config import PackConfig
+    from packenv.env_config import PackConfig
 
     setting = Setting(PackConfig.from_mapping(config or {}), orders)
     agents = [AgentSpec(name, given) for name, given in options.items()]

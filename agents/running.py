@@ -15,10 +15,10 @@ import numpy as np
 from agents.protocol import Agent
 from agents.registry import make
 from agents.workers import run_jobs
-from packenv import __version__
-from packenv.config import PackConfig
+from packenv.env_config import PackConfig
 from packenv.io.catalogues import BUILTIN
 from packenv.io.rows import row_key
+from packenv.version import __version__
 
 if TYPE_CHECKING:
     import gymnasium

@@ -19,7 +19,6 @@ from typing import Any
 
 from benchmarks.orders import fitting, random_orders
 from experiments.runs import finish, load_items, order_options
-from packenv import __version__
 from packenv.audit import audit_plan, misstated_boxes
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
@@ -29,6 +28,7 @@ from packenv.io.rows import row_key
 from packenv.planning.packer import by_box_volume, pack
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container, OrderLine
+from packenv.version import __version__
 
 GRID = GridConfig()
 FINDINGS = ("overlaps", "protrusions", "blocked", "miscounted")

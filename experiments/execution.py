@@ -18,7 +18,6 @@ from typing import Any
 from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
-from packenv import __version__
 from packenv.closed_loop import WORLDS, run_closed_loop
 from packenv.io.assets import robot_urdf
 from packenv.io.rows import row_key
@@ -30,6 +29,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, Session, feeling
 from packenv.types import Plan
+from packenv.version import __version__
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.physics_shelf import PhysicsShelf
-from packenv import __version__
 from packenv.config import GridConfig
 from packenv.io.assets import robot_urdf
 from packenv.io.plan_maker import make_plan, with_envelopes
@@ -22,6 +21,7 @@ from packenv.planning.packing import Packing
 from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, OrderLine, Plan
+from packenv.version import __version__
 
 
 def fingerprints(shelf: Shelf, order: Sequence[str]) -> tuple[str, ...]:

@@ -15,10 +15,10 @@ from experiments.execution import COLUMNS
 from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
-from packenv import __version__
 from packenv.io.rows import row_key
 from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import task_of
+from packenv.version import __version__
 
 _TIMEOUT = 3600.0
 

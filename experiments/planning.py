@@ -20,7 +20,6 @@ from typing import Any
 
 from benchmarks.orders import fitting, random_orders, small_orders
 from experiments.runs import finish, load_items, order_options
-from packenv import __version__
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.item_cache import ItemCache
@@ -30,6 +29,7 @@ from packenv.planning.orientations import perturbations
 from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
 from packenv.types import Container
+from packenv.version import __version__
 
 GRID = GridConfig()
 LARGE = Container(0.32, 0.32, 0.30)

@@ -1,10 +1,109 @@
 """RobotPack: plan, check, execute and learn the packing of real, non-convex items with a robot arm.
 
-Importing this package registers the Gymnasium environment ``RobotPack-v0``.
+Importing this package registers the Gymnasium environment ``RobotPack-v0``. The public names below are loaded
+when they are first asked for::
+
+    import packenv as rp
+
+    plan = rp.plan(rp.Order.of("mug", "bowl"), rp.Container(0.32, 0.32, 0.30), heuristic="hm")
 """
+
+import importlib as _importlib
+from typing import TYPE_CHECKING as _TYPE_CHECKING, Any as _Any
 
 from gymnasium.envs.registration import register as _register
 
-__version__ = "0.1.0"
+if _TYPE_CHECKING:
+    from packenv.api import (
+        Verification as Verification,
+        load_catalogue as load_catalogue,
+        load_order as load_order,
+        load_plan as load_plan,
+        plan as plan,
+        plan_rest as plan_rest,
+        rehearse as rehearse,
+        save_plan as save_plan,
+        verify as verify,
+    )
+    from packenv.carrying_out import ExecutedPlan as ExecutedPlan, execute as execute
+    from packenv.env import PackEnv as PackEnv
+    from packenv.env_config import PackConfig as PackConfig
+    from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
+    from packenv.io.catalogues import Catalogue as Catalogue
+    from packenv.io.shelves import ItemShelf as ItemShelf
+    from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
+    from packenv.planning.candidates import Candidates as Candidates
+    from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
+    from packenv.planning.options import PlanOptions as PlanOptions
+    from packenv.planning.scores import Heuristic as Heuristic
+    from packenv.reward import Outcome as Outcome, RewardFn as RewardFn
+    from packenv.showing import show as show
+    from packenv.types import (
+        Container as Container,
+        Item as Item,
+        Leftover as Leftover,
+        Order as Order,
+        Placement as Placement,
+        Plan as Plan,
+        Pose as Pose,
+        RobotPath as RobotPath,
+    )
+    from packenv.watcher import Watcher as Watcher
+
+from packenv.version import __version__ as __version__
+
+_PUBLIC = {
+    "Candidates": "packenv.planning.candidates",
+    "Catalogue": "packenv.io.catalogues",
+    "Constraint": "packenv.planning.constraints",
+    "Container": "packenv.types",
+    "ExecutedPlan": "packenv.carrying_out",
+    "GeneratedOrder": "packenv.order_generators",
+    "Heuristic": "packenv.planning.scores",
+    "InputError": "packenv.errors",
+    "Item": "packenv.types",
+    "ItemShelf": "packenv.io.shelves",
+    "Leftover": "packenv.types",
+    "Order": "packenv.types",
+    "OrderGenerator": "packenv.order_generators",
+    "Outcome": "packenv.reward",
+    "PackConfig": "packenv.env_config",
+    "PackEnv": "packenv.env",
+    "Placement": "packenv.types",
+    "Plan": "packenv.types",
+    "PlanOptions": "packenv.planning.options",
+    "Pose": "packenv.types",
+    "RewardFn": "packenv.reward",
+    "RobotPackError": "packenv.errors",
+    "RobotPath": "packenv.types",
+    "Trial": "packenv.planning.constraints",
+    "Verdict": "packenv.planning.constraints",
+    "Verification": "packenv.api",
+    "Watcher": "packenv.watcher",
+    "execute": "packenv.carrying_out",
+    "load_catalogue": "packenv.api",
+    "load_order": "packenv.api",
+    "load_plan": "packenv.api",
+    "plan": "packenv.api",
+    "plan_rest": "packenv.api",
+    "rehearse": "packenv.api",
+    "save_plan": "packenv.api",
+    "show": "packenv.showing",
+    "verify": "packenv.api",
+}
+"""Public names, and the modules that they are in."""
+
+__all__ = [*sorted(_PUBLIC), "__version__"]
 
 _register("RobotPack-v0", entry_point="packenv.env:PackEnv")
+
+
+def __getattr__(name: str) -> _Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'packenv' has no attribute {name!r}")
+    found = globals()[name] = getattr(_importlib.import_module(_PUBLIC[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

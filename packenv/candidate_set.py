@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from packenv.planning.candidates import Candidates, grid_search
-from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.constraints import Constraint
+from packenv.planning.inquiry import Inquiry, Memory
 from packenv.planning.packing import Pile
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.scores import Heuristic
 from packenv.planning.turns import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
@@ -20,97 +20,6 @@ _TILES = 4
 
 _NO_DRAW = np.random.default_rng(0)
 """Heuristics take a generator; those of the columns draw nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What the constraints say of a candidate.
-
-    Attributes:
-        ok: whether it may be placed.
-        reason: the first objection, a word for programs; empty where there is none.
-        verdicts: one for each constraint, in their order; empty unless ``ok``, and where the answer was
-            remembered.
-    """
-
-    ok: bool
-    reason: str
-    verdicts: tuple[Verdict, ...]
-
-
-class Memory:
-    """Objections to candidates on one pile that comes again and again, such as the empty container."""
-
-    def __init__(self) -> None:
-        """Remember nothing yet."""
-        self._reasons: WeakKeyDictionary[OrientedItem, dict[tuple[int, int], str]] = WeakKeyDictionary()
-
-    def of(self, oriented: OrientedItem) -> dict[tuple[int, int], str]:
-        """Why a translation, in cells, is no valid candidate; an empty word where it is one. May grow."""
-        return self._reasons.setdefault(oriented, {})
-
-
-class Asker:
-    """Puts candidates to the constraints, each once."""
-
-    def __init__(
-        self,
-        candidates: Candidates,
-        constraints: Sequence[Constraint],
-        pile: Pile,
-        memory: Memory | None = None,
-    ) -> None:
-        """Ask nothing yet.
-
-        Args:
-            candidates: the legal ones of one item.
-            constraints: in any order; a candidate must pass all.
-            pile: what the container holds.
-            memory: of this pile.
-        """
-        self._candidates, self._pile, self._memory = candidates, pile, memory
-        self._constraints = list(zip(constraints, pile.states, strict=True))
-        self.answers: dict[int, Answer] = {}
-
-    def trial(self, index: int) -> Trial:
-        """A candidate as the constraints want it."""
-        found = self._candidates
-        oriented = found.grids[found.grid_index[index]].oriented
-        return Trial(oriented, int(found.ix[index]), int(found.iy[index]), float(found.z[index]))
-
-    def passes(self, index: int) -> bool:
-        """Whether no constraint objects."""
-        known = self.answers.get(index)
-        if known is None:
-            known = self.answers[index] = self._remembered(self.trial(index))
-        return known.ok
-
-    def verdicts(self, index: int) -> tuple[Verdict, ...]:
-        """What each constraint says of a candidate that passes."""
-        if not self.passes(index):
-            raise ValueError(f"candidate {index} passes not all constraints")
-        if len(self.answers[index].verdicts) < len(self._constraints):
-            self.answers[index] = self._ask(self.trial(index))
-        return self.answers[index].verdicts
-
-    def _remembered(self, trial: Trial) -> Answer:
-        if self._memory is None:
-            return self._ask(trial)
-        reasons, place = self._memory.of(trial.oriented), (trial.ix, trial.iy)
-        if place in reasons:
-            return Answer(not reasons[place], reasons[place], ())
-        answer = self._ask(trial)
-        reasons[place] = answer.reason
-        return answer
-
-    def _ask(self, trial: Trial) -> Answer:
-        verdicts: list[Verdict] = []
-        for constraint, state in self._constraints:
-            verdict = constraint.check(trial, self._pile.surface, state)
-            if not verdict.ok:
-                return Answer(False, verdict.reason, ())
-            verdicts.append(verdict)
-        return Answer(True, "", tuple(verdicts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +32,7 @@ class CandidateSet:
         scores: (m, h) raw scores of the chosen ones, a column for each heuristic.
         ranks: (m, h) int64, place among all candidates, equal scores in candidate order.
         valid: (m,) whether they pass the constraints.
-        asker: knows their answers.
+        inquiry: knows their answers.
     """
 
     candidates: Candidates
@@ -131,14 +40,7 @@ class CandidateSet:
     scores: FloatArray
     ranks: IntArray
     valid: BoolArray
-    asker: Asker
-
-
-def possible(
-    orientations: Sequence[OrientedItem], constraints: Sequence[Constraint]
-) -> tuple[OrientedItem, ...]:
-    """The orientations that no constraint rules out wherever the item would lie."""
-    return tuple(o for o in orientations if all(c.objection(o) is None for c in constraints))
+    inquiry: Inquiry
 
 
 def choose(
@@ -146,7 +48,7 @@ def choose(
     constraints: Sequence[Constraint],
     pile: Pile,
     *,
-    heuristics: Sequence[str],
+    heuristics: Sequence[Heuristic],
     step: int,
     size: int,
     max_checked: int,
@@ -162,7 +64,7 @@ def choose(
         orientations: of the item.
         constraints: what a valid candidate must pass.
         pile: what the container holds.
-        heuristics: by name; none of them draws.
+        heuristics: none of them draws.
         step: cells between tried translations.
         size: K.
         max_checked: the paper's N.
@@ -171,22 +73,30 @@ def choose(
     Returns:
         the set; None where nothing is legal.
     """
-    allowed = possible(orientations, constraints)
+    inquiry = Inquiry(constraints, pile, memory=memory)
+    allowed = inquiry.possible(orientations)
     if not allowed:
         return None
     candidates = grid_search(pile.surface, allowed, step)
     if not len(candidates):
         return None
-    scores = np.column_stack([HEURISTICS[name](candidates, _NO_DRAW) for name in heuristics])
-    asker = Asker(candidates, constraints, pile, memory)
-    chosen = np.array(_chosen(candidates, scores, asker, size, max_checked), dtype=np.int64)
+    scores = np.column_stack([heuristic(candidates, _NO_DRAW) for heuristic in heuristics])
+
+    def passes(index: int) -> bool:
+        return inquiry.ask(candidates.trial(index)).ok
+
+    chosen = np.array(_chosen(candidates, scores, passes, size, max_checked), dtype=np.int64)
     chosen.sort()
-    valid = np.array([asker.passes(int(k)) for k in chosen], dtype=np.bool_)
-    return CandidateSet(candidates, chosen, scores[chosen], _ranks(scores, chosen), valid, asker)
+    valid = np.array([passes(int(k)) for k in chosen], dtype=np.bool_)
+    return CandidateSet(candidates, chosen, scores[chosen], _ranks(scores, chosen), valid, inquiry)
 
 
 def _chosen(
-    candidates: Candidates, scores: FloatArray, asker: Asker, size: int, max_checked: int
+    candidates: Candidates,
+    scores: FloatArray,
+    passes: Callable[[int], bool],
+    size: int,
+    max_checked: int,
 ) -> list[int]:
     """Indices of the set, without doubles."""
     total, columns = scores.shape
@@ -194,7 +104,7 @@ def _chosen(
     walks = [ranked(scores[:, column], max(max_checked, size)) for column in range(columns)]
     after = []
     for walk in walks:
-        first = next((k for k, index in enumerate(walk[:max_checked].tolist()) if asker.passes(index)), None)
+        first = next((k for k, index in enumerate(walk[:max_checked].tolist()) if passes(index)), None)
         if first is not None and len(kept) < size:
             kept[int(walk[first])] = None
         after.append(0 if first is None else first + 1)

@@ -11,10 +11,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from packenv import __version__
 from packenv.commands.reporting import reported
+from packenv.planning.options import PRESETS, PlanOptions, rules
+from packenv.version import __version__
 
-HEURISTIC_NAMES = ("hm", "dblf", "mta", "minz", "first-fit", "random")
 UNIT_NAMES = ("m", "cm", "mm", "in")
 
 
@@ -60,14 +60,6 @@ def _seed(text: str) -> int:
     return value
 
 
-def _count(text: str) -> int:
-    """A whole number of at least 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
-    return value
-
-
 def _seconds(text: str) -> float:
     """A time of more than 0 and at most 600 s."""
     value = float(text)
@@ -76,11 +68,57 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _choice(
-    parser: argparse.ArgumentParser, flag: str, words: tuple[str, ...], default: str, meaning: str
-) -> None:
-    """An option that takes one of several words."""
-    parser.add_argument(flag, choices=words, default=default, help=f"{meaning} (default: %(default)s)")
+def _count(text: str) -> int:
+    """A whole number of at least 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
+    return value
+
+
+def planning_options(parser: argparse.ArgumentParser) -> None:
+    """Add a flag for every option of planning; what is not given is None.
+
+    Experiments and benchmarks take the same words, see :func:`packenv.commands.pack.options_from`.
+    """
+    parser.add_argument(
+        "--preset",
+        choices=tuple(PRESETS),
+        default="default",
+        help="all options by one word: what measured best, or as the paper has them; single ones go before it "
+        "(default: %(default)s)",
+    )
+    preset = PlanOptions()
+    for name, rule in rules().items():
+        default = getattr(preset, name)
+        shown = f" (default: {default})" if default is not None else ""
+        flag = f"--{name.replace('_', '-')}"
+        text = rule.meaning + shown
+        if name == "heuristic":
+            words = f"{{{','.join(rule.words)}}}|MODULE:NAME"
+            text = "how candidates are ranked; an own rule as my_module:my_rule" + shown
+            parser.add_argument(flag, metavar=words, help=text)
+        elif name == "seed":
+            parser.add_argument(flag, type=_seed, metavar="N", help=text)
+        elif rule.words:
+            parser.add_argument(flag, choices=rule.words, help=text)
+        elif rule.whole:
+            parser.add_argument(flag, type=_count, metavar="N", help=text)
+        else:
+            metavar = "METRES" if name == "clearance" else "X"
+            parser.add_argument(flag, type=float, metavar=metavar, help=text)
+    own_constraint_option(parser)
+
+
+def own_constraint_option(parser: argparse.ArgumentParser) -> None:
+    """Add the flag for constraints of the user's own."""
+    parser.add_argument(
+        "--constraint",
+        dest="own_constraints",
+        action="append",
+        metavar="MODULE:NAME",
+        help="a further constraint of your own, as my_module:MyRule; more than one may be given",
+    )
 
 
 def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
@@ -114,87 +152,7 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     pack.add_argument(
         "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
     )
-    _choice(pack, "--heuristic", HEURISTIC_NAMES, "hm", "how candidates are ranked")
-    _choice(
-        pack,
-        "--constraints",
-        ("overlap", "stability", "robot"),
-        "robot",
-        "what a placement must meet: no overlap; also force balance of the pile; also a way for the "
-        "robot to bring it there",
-    )
-    _choice(
-        pack,
-        "--stability",
-        ("paper", "cautious", "margin", "physics"),
-        "cautious",
-        "equilibrium; that, and rather what also stands under gravity tilted by 8 degrees with a friction of "
-        "0.25; only what does; or equilibrium and a drop in physics, after which the item must lie where it "
-        "was planned",
-    )
-    _choice(
-        pack,
-        "--contacts",
-        ("surface", "paper"),
-        "surface",
-        "contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items "
-        "scaled by 1.03 overlap",
-    )
-    _choice(
-        pack,
-        "--grasp",
-        ("seal", "flat", "paper"),
-        "seal",
-        "where the vacuum cup may take an item: where it seals (a rough spot where there is no flat "
-        "one), flat spots alone, or the centre of the top surface whatever is there",
-    )
-    pack.add_argument(
-        "--clearance",
-        type=float,
-        default=0.0,
-        metavar="METRES",
-        help="how far an item may be off sideways at the release and still meet nothing, at most 0.05; less "
-        "where it would leave an item without a place (default: %(default)g)",
-    )
-    pack.add_argument(
-        "--rehearse",
-        type=_count,
-        default=0,
-        metavar="N",
-        help="carry the plan out in N simulated worlds, the nominal one and N - 1 disturbed ones in which "
-        "the robot feels contacts, and plan otherwise where it fails (default: %(default)s)",
-    )
-    pack.add_argument(
-        "--geometry",
-        choices=("mesh", "parts"),
-        help="plan on the meshes, or on meshes together with the convex parts that stand for them in physics "
-        "(default: mesh; parts with --stability physics or --rehearse)",
-    )
-    pack.add_argument(
-        "--restarts",
-        type=_count,
-        default=3,
-        metavar="N",
-        help="plan an incomplete order up to N times again with its leftovers first; none with "
-        "--container auto (default: %(default)s)",
-    )
-    _choice(
-        pack,
-        "--search",
-        ("3d", "5d"),
-        "3d",
-        "stable poses first and perturbed ones as the fallback, or all at once",
-    )
-    _choice(
-        pack,
-        "--sequence",
-        ("volume", "given"),
-        "volume",
-        "by non-increasing bounding-box volume, or as the order gives it",
-    )
-    pack.add_argument(
-        "--seed", type=_seed, default=0, metavar="N", help="for heuristics that draw (default: 0)"
-    )
+    planning_options(pack)
     pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")
     pack.add_argument(
         "--html", type=Path, metavar="PAGE", help="write a page to look at the plan in a browser"
@@ -218,7 +176,7 @@ def _add_verify(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 
 def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    view = commands.add_parser("view", help="write a page or picture of a plan")
+    view = commands.add_parser("view", help="write a page, picture, animation or 3D file of a plan")
     view.set_defaults(module="view")
     view.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
     view.add_argument(
@@ -227,7 +185,7 @@ def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         type=Path,
         required=True,
         metavar="FILE",
-        help="page (.html) or picture (.png) to write",
+        help="page (.html), picture (.png), animation (.gif) or 3D file (.glb) to write",
     )
     _catalogue_options(view, None)
 
@@ -276,6 +234,10 @@ def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     execute.add_argument(
         "--seed", type=_seed, metavar="N", help="of the disturbances, with --disturb (default: 0)"
     )
+    execute.add_argument(
+        "--heuristic", metavar="NAME|MODULE:NAME", help="plan again, in closed loop, with this rule"
+    )
+    own_constraint_option(execute)
     execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window")
     execute.add_argument("--out", type=Path, metavar="FILE", help="write the result (JSON)")
     execute.add_argument("--gif", type=Path, metavar="FILE", help="write an animation")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
@@ -14,11 +15,15 @@ from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.replay import replay
 from packenv.rehearsal import Rehearsal, pack_rehearsed
+from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, Session
 from packenv.types import Item, Leftover, Placement, Pose
+
+_Waiting: TypeAlias = list[tuple[Placement, ContainerMap]]
+"""Placements to come, each with the heightmap on which it was planned."""
 
 DEEPER = 0.003
 """How much deeper or higher than planned an item may come to lie before the rest is rehearsed, m."""
@@ -59,6 +64,7 @@ def run_closed_loop(
     rehearsal: Rehearsal,
     disturbance: Disturbance | None = None,
     spares: Sequence[Planner] = (),
+    lying: Sequence[Lying] = (),
 ) -> ClosedLoopResult:
     """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
@@ -69,19 +75,52 @@ def run_closed_loop(
     Args:
         planner: plans the rest.
         packing: the plan to begin with.
-        session: an empty world.
+        session: a world that is empty but for ``lying``.
         meshes: every item of the order, of the geometry that is planned with, by name.
         prepared: the same, prepared.
         rehearsal: of the whole order; the worlds that the robot knows of.
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
         spares: more planners for the rest.
+        lying: the plan's first items, where they were carried out before, as the session has them.
     """
     physics = rehearsal.physics
-    container, cell = session.container, planner.cell_size
-    waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
+    container, cell = session.container, planner.grid.cell_size
+    done = list(packing.placements[: len(lying)])
     leftovers = packing.leftovers
-    done: list[Placement] = []
     plans = 1
+
+    def resting() -> list[Resting]:
+        return [Resting(meshes[p.item], *pose) for p, pose in zip(done, session.measured(), strict=True)]
+
+    def planned_anew(waiting: _Waiting) -> _Waiting:
+        """What is still to be placed, after a look at the pile: as it was, or as it was planned again."""
+        nonlocal leftovers, plans
+        pile = resting()
+        surface = measured_map(container, cell, pile)
+        if waiting:
+            following, believed = waiting[0]
+            if _still_good(following, meshes[following.item], believed, surface):
+                return waiting
+        names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
+        there = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in pile)
+        again = pack_rehearsed(
+            planner,
+            names,
+            prepared,
+            replace(rehearsal, lying=there),
+            running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
+            start=(surface, pile),
+            spares=spares,
+        )
+        plans += again.plans - 1
+        leftovers = again.packing.leftovers
+        return _expected(again.packing, surface, meshes)
+
+    if lying:
+        rest = replace(packing, placements=packing.placements[len(lying) :], surfaces=())
+        waiting = planned_anew(_expected(rest, measured_map(container, cell, resting()), meshes))
+    else:
+        waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
     while waiting and not session.failed:
         placement, _ = waiting.pop(0)
         task = task_of(placement, physics[placement.item], container)
@@ -89,46 +128,19 @@ def run_closed_loop(
         done.append(placement)
         if session.failed or not (waiting or leftovers):
             break
-        resting = [
-            Resting(meshes[p.item], rotation, position)
-            for p, (rotation, position) in zip(done, session.measured(), strict=True)
-        ]
-        surface = measured_map(container, cell, resting)
-        if waiting:
-            following, believed = waiting[0]
-            if _still_good(following, meshes[following.item], believed, surface, planner.play):
-                continue
-        names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
-        lying = tuple(
-            Lying(physics[p.item], Pose(r.rotation, r.position)) for p, r in zip(done, resting, strict=True)
-        )
-        again = pack_rehearsed(
-            planner,
-            names,
-            prepared,
-            replace(rehearsal, lying=lying),
-            running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
-            start=(surface, resting),
-            spares=spares,
-        )
-        plans += again.plans - 1
-        waiting, leftovers = _expected(again.packing, surface, meshes), again.packing.leftovers
-    rest = (placement for placement, _ in waiting)
-    return ClosedLoopResult(session.result(), (*done, *rest), leftovers, plans)
+        waiting = planned_anew(waiting)
+    planned = (placement for placement, _ in waiting)
+    return ClosedLoopResult(session.result(), (*done, *planned), leftovers, plans)
 
 
-def _expected(
-    packing: Packing, before: ContainerMap, meshes: Mapping[str, Item]
-) -> list[tuple[Placement, ContainerMap]]:
+def _expected(packing: Packing, before: ContainerMap, meshes: Mapping[str, Item]) -> _Waiting:
     """Placements, each with the heightmap on which it was planned."""
     placements = packing.placements
     surfaces = packing.surfaces or replay(placements, meshes, packing.container, before.cell_size, before)
     return list(zip(placements, (before, *surfaces[:-1]), strict=True)) if placements else []
 
 
-def _still_good(
-    placement: Placement, mesh: Item, believed: ContainerMap, measured: ContainerMap, play: float
-) -> bool:
+def _still_good(placement: Placement, mesh: Item, believed: ContainerMap, measured: ContainerMap) -> bool:
     """Whether a planned placement fits what the container really holds.
 
     It must lie as deep as planned, and nothing may have come nearer: at the release, and off by ``ASIDE``
@@ -147,4 +159,4 @@ def _still_good(
     if abs(lowest(measured) - z) > DEEPER:
         return False
     around = lowest(measured.spread(ASIDE))
-    return bool(around <= max(z + play, lowest(believed.spread(ASIDE)) + DEEPER))
+    return bool(around <= max(z + RELEASE_HEIGHT, lowest(believed.spread(ASIDE)) + DEEPER))

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from packenv.config import PackConfig
+from packenv.env_config import PackConfig
 from packenv.episode import Episode, Rules
 from packenv.errors import InputError
 from packenv.io.catalogues import open_catalogue
@@ -298,7 +298,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         def volume(indices: frozenset[int]) -> float:
             names = (episode.placements[k].item for k in indices)
-            return sum(self._shelf.item(name).volume for name in names) / container.volume
+            return sum(self._shelf.items[name].volume for name in names) / container.volume
 
         newest = frozenset(range(len(episode.placements) - placed, len(episode.placements)))
         self._told += deepcopy(episode.placements[len(self._told) :])

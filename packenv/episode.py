@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.candidate_set import CandidateSet, Memory, choose
-from packenv.config import PackConfig
+from packenv.candidate_set import CandidateSet, choose
+from packenv.env_config import PackConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.shelves import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS, ItemView, View
 from packenv.piles import Arrangement, Landing, PlannedArrangement
-from packenv.planning.assembly import margin_rule
+from packenv.planning.assembly import constraints_of, heuristic_of
 from packenv.planning.constraints import Constraint
-from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.inquiry import Memory, place
 from packenv.planning.manipulation_constraint import ManipulationConstraint
+from packenv.planning.options import PlanOptions
 from packenv.planning.orientations import OrientationMemory, perturbations
 from packenv.planning.packer import by_box_volume
-from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import StabilityConstraint
-from packenv.robot.cell import Cell
-from packenv.stage import Piece, Turns, pieces_of
+from packenv.planning.scores import HEURISTICS
+from packenv.planning.sequence import Piece, Turns, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 
 MAPS_MEMORY = 48 * 2**20
@@ -38,6 +36,9 @@ class Rules:
     def __init__(self, config: PackConfig, shelf: ItemShelf) -> None:
         """Keep what is needed."""
         self.config, self.shelf = config, shelf
+        self.options = config.plan_options()
+        own = (heuristic_of(PlanOptions(heuristic=given)) for given in config.heuristics)
+        self.heuristics = (*(HEURISTICS[name] for name in HEURISTIC_COLUMNS), *own)
         self._manipulation: dict[tuple[float, float, float], ManipulationConstraint] = {}
         self._maps = OrientationMemory(MAPS_MEMORY)
         self._empty: dict[tuple[float, float, float], Memory] = {}
@@ -46,21 +47,14 @@ class Rules:
         """What was asked about candidates in the empty container, for the next episode."""
         return self._empty.setdefault(container.size, Memory())
 
-    def constraints(self, names: Iterable[str], container: Container) -> tuple[Constraint, ...]:
-        """Those of an order's items in a container."""
-        config, shelf = self.config, self.shelf
-        found: list[Constraint] = []
-        if config.mask != "legal":
-            masses = {name: shelf.shape(name).mass for name in names}
-            rule = margin_rule(config.stability)
-            found.append(StabilityConstraint(shelf.fields, masses, StabilityChecker(), rule, config.contacts))
-        if config.mask == "robot":
-            known = self._manipulation.get(container.size)
-            if known is None:
-                checker = ManipulationChecker(Cell.beside(container))
-                known = self._manipulation[container.size] = ManipulationConstraint(checker, config.grasp)
-            found.append(known)
-        return tuple(found)
+    def constraints(self, container: Container) -> tuple[Constraint, ...]:
+        """Those of an order in a container."""
+        known = self._manipulation.get(container.size)
+        found = constraints_of(self.options, self.shelf, container, manipulation=known)
+        for constraint in found:
+            if isinstance(constraint, ManipulationConstraint):
+                self._manipulation[container.size] = constraint
+        return found
 
     def groups(self, name: str, container: Container) -> Iterator[Sequence[OrientedItem]]:
         """Orientations of an item that is back: the stable poses, then perturbed ones (Alg. 4).
@@ -68,10 +62,10 @@ class Rules:
         Under legality alone the stable poses are all, as in the planner: heights only grow, so what fitted
         nowhere fits nowhere later.
         """
-        item = self.shelf.prepared(name)
+        item = self.shelf.prepared[name]
         if self.config.mask == "legal":
             return iter((item.orientations,))
-        shape, grid = self.shelf.shape(name), self.config.grid
+        shape, grid = self.shelf.shapes[name], self.config.grid
         return perturbations(shape, item.poses, grid, container.size, self._maps)
 
 
@@ -91,11 +85,11 @@ class Episode:
         self.names = tuple(names)
         online = config.arrivals == "online"
         if not online and config.sequence == "volume":
-            names = by_box_volume(names, self.shelf.prepared_items)
+            names = by_box_volume(names, self.shelf.prepared)
         self.turns = Turns(
             pieces_of(names), buffer=config.buffer if online else None, fallback=config.fallback
         )
-        self.constraints = rules.constraints(dict.fromkeys(names), container)
+        self.constraints = rules.constraints(container)
         self.arrangement = self._arrangement()
         self.placements: list[Placement] = []
         self.outside: frozenset[int] = frozenset()
@@ -124,7 +118,7 @@ class Episode:
     def current(self) -> PreparedItem | None:
         """The item whose turn it is."""
         piece = self.turns.current
-        return None if piece is None else self.shelf.prepared(piece.item)
+        return None if piece is None else self.shelf.prepared[piece.item]
 
     @property
     def perturbed(self) -> bool:
@@ -139,7 +133,7 @@ class Episode:
     @property
     def utilization(self) -> float:
         """Volume of what is packed, as a share of the container's."""
-        volume = sum(self.shelf.item(p.item).volume for p in self.inside)
+        volume = sum(self.shelf.items[p.item].volume for p in self.inside)
         return volume / self.container.volume
 
     def place(self, row: int) -> Landing:
@@ -148,26 +142,18 @@ class Episode:
         assert offered is not None
         assert piece is not None
         index = int(offered.chosen[row])
-        trial = offered.asker.trial(index)
-        answers = offered.asker.answers
-        verdicts = offered.asker.verdicts(index)
-        placement = Placement(
-            item=piece.item,
-            instance=piece.instance,
-            rotation=trial.oriented.rotation,
-            position=trial.position,
-            corner=trial.corner,
-            extents=trial.oriented.extents,
-            pose_index=trial.oriented.pose_index,
-            yaw=trial.oriented.yaw,
+        trial = offered.candidates.trial(index)
+        placement, pile = place(
+            piece,
+            trial,
+            offered.inquiry,
+            offered.inquiry.verdicts(trial),
             score=float(offered.scores[row, 0]),
             candidates=len(offered.candidates),
             route=_ROUTES[self.turns.stage],
-            checked=len(answers),
-            rejections=dict(Counter(answer.reason for answer in answers.values() if not answer.ok)),
-            details={c.name: dict(v.details) for c, v in zip(self.constraints, verdicts, strict=True)},
+            checked=offered.inquiry.asked,
         )
-        landing = self.arrangement.place(placement, trial, verdicts)
+        landing = self.arrangement.place(placement, pile)
         self.placements.append(placement)
         self.turns.placed()
         self.outside, self.collided = landing.outside, landing.collided
@@ -212,9 +198,9 @@ class Episode:
     def scene(self) -> tuple[Container, list[tuple[Item, FloatArray, FloatArray]], FloatArray | None]:
         """Container, placed items at their poses, and the robot's joints after the last placement."""
         poses = self.arrangement.poses
-        items = [(self.shelf.item(p.item), *pose) for p, pose in zip(self.placements, poses, strict=True)]
-        stated = self.placements[-1].details.get("manipulation") if self.placements else None
-        joints = np.asarray(stated["joints"][0]) if isinstance(stated, dict) else None
+        items = [(self.shelf.items[p.item], *pose) for p, pose in zip(self.placements, poses, strict=True)]
+        path = self.placements[-1].path if self.placements else None
+        joints = None if path is None else path.joints[0]
         return self.container, items, joints
 
     def mask(self) -> NDArray[np.int8]:
@@ -226,7 +212,7 @@ class Episode:
         return mask
 
     def _item_view(self, piece: Piece) -> ItemView:
-        prepared, item = self.shelf.prepared(piece.item), self.shelf.item(piece.item)
+        prepared, item = self.shelf.prepared[piece.item], self.shelf.items[piece.item]
         extents = prepared.orientations[0].extents
         return ItemView(extents, item.volume, item.mass, self.turns.was_deferred(piece))
 
@@ -246,7 +232,7 @@ class Episode:
                     group,
                     self.constraints,
                     self.arrangement.pile,
-                    heuristics=HEURISTIC_COLUMNS,
+                    heuristics=self.rules.heuristics,
                     step=self.config.grid.step_cells,
                     size=self.config.candidates,
                     max_checked=self.config.max_checked,
@@ -261,7 +247,7 @@ class Episode:
     def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
         """The next ones to try of a piece; None where there are no more."""
         if self.config.arrivals == "online" or self.turns.stage == 0:
-            return self.shelf.prepared(piece.item).orientations
+            return self.shelf.prepared[piece.item].orientations
         if piece != self._groups_of:
             self._groups_of = piece
             self._groups = iter(self.rules.groups(piece.item, self.container))

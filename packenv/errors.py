@@ -7,6 +7,9 @@ exits with code 2. "It cannot be packed" is not an error: it is an answer, and a
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class RobotPackError(Exception):
     """Root of all errors that RobotPack raises on purpose."""
@@ -18,6 +21,13 @@ class InputError(RobotPackError):
     def __init__(self, message: str) -> None:
         """Store the message with every run of white space, line breaks included, as one space."""
         super().__init__(" ".join(str(message).split()))
+
+
+def nearest(word: object, known: Iterable[str]) -> str:
+    """The end of a message about an unknown word: the closest one that there is; empty where none is near."""
+    names = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(str(word).lower(), names, n=1)
+    return f"; did you mean {names[close[0]]!r}?" if close else ""
 
 
 class MeshError(InputError):

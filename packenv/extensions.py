@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import sys
 from pathlib import Path
 from typing import Any
 
-from packenv.errors import InputError
+from packenv.errors import InputError, nearest
 
 
 def is_extension(text: str) -> bool:
@@ -36,9 +35,7 @@ def load_extension(text: str, what: str) -> Any:
     for word in path.split("."):
         if not hasattr(found, word):
             public = [name for name in dir(found) if not name.startswith("_")]
-            close = difflib.get_close_matches(word, public, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            raise InputError(f"{what} {text}: {module_name} has no {word!r}{hint}")
+            raise InputError(f"{what} {text}: {module_name} has no {word!r}{nearest(word, public)}")
         found = getattr(found, word)
     return found
 

@@ -17,7 +17,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from packenv.config import PackConfig
+from packenv.env_config import PackConfig
+from packenv.planning.options import heuristic_label
 from packenv.types import Container, Float32Array, FloatArray
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ FEATURES: tuple[str, ...] = (
     *(f"score_{name}" for name in HEURISTIC_COLUMNS),
     *(f"rank_{name}" for name in HEURISTIC_COLUMNS),
 )
-"""Columns of ``candidates``."""
+"""Columns of ``candidates``; own heuristics of the configuration add their scores, then their ranks."""
 
 ITEM_FEATURES: tuple[str, ...] = (
     "present",
@@ -140,6 +141,8 @@ class Observer:
         cells = [math.floor(s / grid.cell_size + 1e-9) for s in self.largest[:2]]
         self.pixels = tuple(max(1, math.ceil(n / config.map_step)) for n in cells)
         steps = [n // grid.step_cells + 1 for n in cells]
+        own = [heuristic_label(given) for given in config.heuristics]
+        self.features = (*FEATURES, *(f"score_{name}" for name in own), *(f"rank_{name}" for name in own))
         self._most_ranks = float(grid.n_poses * grid.n_yaws * steps[0] * steps[1])
         self._pooled: WeakKeyDictionary[PreparedItem, Float32Array] = WeakKeyDictionary()
 
@@ -149,11 +152,12 @@ class Observer:
         config = self.config
         length, width, height = self.largest
         side, poses, k = max(self.pixels), config.grid.n_poses, config.candidates
-        columns = len(HEURISTIC_COLUMNS)
-        low = [0.0] * len(FEATURES)
+        columns, own = len(HEURISTIC_COLUMNS), len(config.heuristics)
+        low = [0.0] * len(self.features)
         low[FEATURES.index("support_margin")] = -SUPPORT_CLIP
         high = [1.0, length, width, height, length, width, height, math.pi, poses, 1.0, 1.0, height]
         high += [SUPPORT_CLIP, *[1.0] * columns, *[self._most_ranks] * columns]
+        high += [*[1.0] * own, *[self._most_ranks] * own]
         item_high = [1.0, *[LARGEST_ITEM] * 3, LARGEST_ITEM**3, HEAVIEST_ITEM, 1.0, 1.0]
         maps_high = np.empty((poses, 3, side, side))
         maps_high[:, :2], maps_high[:, 2] = height, 1.0
@@ -241,7 +245,7 @@ class Observer:
     def _candidates(self, view: View) -> FloatArray:
         from packenv.planning.support import support_margin
 
-        table = np.zeros((self.config.candidates, len(FEATURES)))
+        table = np.zeros((self.config.candidates, len(self.features)))
         offered = view.offered
         if offered is None:
             return table
@@ -271,8 +275,10 @@ class Observer:
         rows[:, 11] = z + coms[:, 2]
         rows[:, 12] = np.clip(margins, -SUPPORT_CLIP, SUPPORT_CLIP)
         best, worst = offered.scores.min(axis=0), offered.scores.max(axis=0)
-        rows[:, 13 : 13 + columns] = (offered.scores - best) / np.where(worst > best, worst - best, 1.0)
-        rows[:, 13 + columns :] = offered.ranks
+        shares = (offered.scores - best) / np.where(worst > best, worst - best, 1.0)
+        ranks = offered.ranks
+        told = (shares[:, :columns], ranks[:, :columns], shares[:, columns:], ranks[:, columns:])
+        rows[:, 13:] = np.concatenate(told, axis=1)
         return table
 
     def _remaining(self, items: Sequence[ItemView]) -> FloatArray:

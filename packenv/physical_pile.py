@@ -9,7 +9,7 @@ import numpy as np
 from packenv.io.assets import robot_urdf
 from packenv.io.shelves import ItemShelf
 from packenv.piles import Landing
-from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.constraints import Constraint
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Pile
@@ -65,15 +65,15 @@ class PhysicalArrangement:
             self._session = Session(Cell.beside(self._container), ExecutionConfig(), urdf)
         return self._session
 
-    def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
+    def place(self, placement: Placement, planned: Pile) -> Landing:
         """Bring an item in, wait for rest, and measure all poses."""
         session = self.session
-        physics = self._shelf.physics(placement.item)
+        physics = self._shelf.physics[placement.item]
         outcome = session.place(task_of(placement, physics, self._container))
         self._names.append(placement.item)
         poses = session.measured()
         resting = [
-            Resting(self._shelf.shape(name), rotation, position)
+            Resting(self._shelf.shapes[name], rotation, position)
             for name, (rotation, position) in zip(self._names, poses, strict=True)
         ]
         over, lost = self._beyond(resting)
@@ -99,7 +99,7 @@ class PhysicalArrangement:
         size = np.array(self._container.size)
         over, lost = set(), set()
         for k, part in enumerate(resting):
-            item = self._shelf.physics(part.item.name)
+            item = self._shelf.physics[part.item.name]
             if item.beyond(self._container, part.rotation, part.position) > OUT:
                 over.add(k)
             low, high = item.bounds(part.rotation, part.position)

@@ -9,26 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from packenv.config import GridConfig
 from packenv.geometry.transforms import angle_between
 from packenv.planning.assembly import (
     EACH_WARY,
-    PlannerChoice,
-    Shelf,
+    PlanningItems,
     as_paper,
     assemble,
     clearances,
     wary,
 )
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
+from packenv.planning.options import PlanOptions
 from packenv.planning.packer import Planner
 from packenv.planning.turns import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
-from packenv.types import Container, Item, OrientedItem, Pose
+from packenv.types import Container, Item, Pose
 
 SLIPPERY = 0.5
 """Most friction in a careful drop: what needs more to stay is not to be relied on."""
@@ -87,7 +86,7 @@ class Scratch:
             self._test = None
 
 
-class PhysicsConstraint:
+class PhysicsConstraint(Constraint):
     """The item is dropped on the pile as physics left it, and must come to rest where it was planned.
 
     The last drop of each candidate makes the pile on which the next item is dropped; the others only have
@@ -124,10 +123,6 @@ class PhysicsConstraint:
         self._scratch.close()
         return tuple(Lying(self._items[p.item.name], Pose(p.rotation, p.position)) for p in resting)
 
-    def objection(self, oriented: OrientedItem) -> str | None:
-        """None: what falls depends on the pile."""
-        return None
-
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Drop the candidate."""
         item = self._items[trial.oriented.item]
@@ -150,21 +145,21 @@ class PhysicsConstraint:
         known = measured_map(surface.container, surface.cell_size, landed, meant)
         return Verdict(True, state=dropped.pile, details=details, surface=known)
 
+    def close(self) -> None:
+        """Free the scratch world; the next candidate builds a new one."""
+        self._scratch.close()
 
-class Unasked:
+
+class Unasked(Constraint):
     """In place of a :class:`PhysicsConstraint` on the same states: drops nothing, and knows of no drop."""
 
-    name = "physics"
-
-    def start(self, resting: Sequence[Resting] = ()) -> None:
-        """Nothing is kept; the constraint whose place it takes keeps the states."""
-
-    def objection(self, oriented: OrientedItem) -> str | None:
-        """None."""
-        return None
+    @property
+    def name(self) -> str:
+        """One word: that of the constraint whose states it passes on."""
+        return "physics"
 
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
-        """Agree."""
+        """Every candidate passes."""
         return Verdict(True, state=state, details={"rule": "unasked"})
 
 
@@ -175,14 +170,16 @@ def _travel(was: Lying, now: Lying) -> float:
 
 
 def make_planner(
-    choice: PlannerChoice,
-    shelf: Shelf,
+    options: PlanOptions,
+    items: PlanningItems,
     container: Container,
-    grid: GridConfig,
     physics: Mapping[str, PhysicsItem],
     world: WorldConfig | None = None,
+    *,
+    margins: bool = False,
+    give_up: bool = False,
 ) -> Planner:
-    """The planner that a choice names, ``stability`` ``physics`` included.
+    """The planner that the options ask for, ``stability`` ``physics`` included.
 
     Physics is asked in tiers. First what also stands by a margin on its own, for nearly all of that comes to
     rest in a drop; then the rest of what stands. An item that finds no place so waits until the others are
@@ -192,29 +189,29 @@ def make_planner(
     as under ``paper``. All if restarts are allowed: so neither physics nor clearance costs an item.
 
     Args:
-        choice: what the user chose.
-        shelf: every item of the order, as the geometry that is planned with.
+        options: how to plan.
+        items: every item of the order.
         container: the box.
-        grid: the discretization that ``shelf.prepared`` was made with.
         physics: every item of the order, for physics; read for ``physics`` alone.
         world: of the scratch world.
+        margins: as for :func:`packenv.planning.assembly.assemble`.
+        give_up: likewise.
     """
-    if choice.stability != "physics":
-        return assemble(choice, shelf, container, grid)
-    planner = assemble(replace(choice, stability="paper"), shelf, container, grid)
-    world = world or WorldConfig()
-    scratch = Scratch(container, world)
-    strict = PhysicsConstraint(physics, scratch, shelf.meshes)
-    lenient = PhysicsConstraint(physics, scratch, shelf.meshes, LENIENT, EXACT)
-    anyhow = PhysicsConstraint(physics, scratch, shelf.meshes, ANYHOW, EXACT)
-    static = planner.constraints
-    careful, levels = wary(static), clearances(choice, grid)
+    if options.stability != "physics":
+        return assemble(options, items, container, margins=margins, give_up=give_up)
+    static = replace(options, stability="paper")
+    planner = assemble(static, items, container, margins=margins, give_up=give_up)
+    scratch = Scratch(container, world or WorldConfig())
+    strict = PhysicsConstraint(physics, scratch, items.shapes)
+    lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, EXACT)
+    anyhow = PhysicsConstraint(physics, scratch, items.shapes, ANYHOW, EXACT)
+    careful, levels = wary(planner.constraints), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:
-        return Tier(cells, (*careful, strict), each=EACH_WARY, risk=_risk(cells, strict))
+        return Tier(cells, careful, each=EACH_WARY, risk=_risk(cells, strict))
 
     def tried(cells: int, last: PhysicsConstraint) -> Tier:
-        return Tier(cells, (*static, last), _DROPPED, _EACH_DROPPED, _risk(cells, last))
+        return Tier(cells, {last.name: last}, _DROPPED, _EACH_DROPPED, _risk(cells, last))
 
     def _risk(cells: int, last: PhysicsConstraint) -> float:
         return _RISKS[last.rule.name] + (_TIGHT if cells == 0 and levels[0] > 0 else 0.0)
@@ -224,31 +221,23 @@ def make_planner(
         tier for cells in levels[:-1] for tier in (margin(cells), tried(cells, strict), tried(cells, lenient))
     ]
     roomy += [tried(cells, anyhow) for cells in levels[:-1]]
-    tight = [
-        margin(0),
-        tried(0, strict),
-        tried(0, lenient),
-        Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),
-    ]
+    whatever = Tier(0, {anyhow.name: anyhow}, risk=_risk(0, anyhow))
+    tight = [margin(0), tried(0, strict), tried(0, lenient), whatever]
     first = [tier for cells in levels[:-1] or (0,) for tier in (margin(cells), tried(cells, strict))]
-    return replace(
-        planner,
-        constraints=(*static, strict),
-        tiers=first,
+    unasked = Unasked()
+    strategy = replace(
+        planner.strategy,
+        first=first,
+        fallback=(roomy, tight) if roomy else (tight,),
         # An order that does not fit with room to spare may fit without.
-        bold=(*first, margin(0), tried(0, strict)) if roomy else None,
+        again=(*first, margin(0), tried(0, strict)) if roomy else None,
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
-        resort=(
-            (Tier(0, (*static, anyhow), risk=_risk(0, anyhow)),),
-            *as_paper(levels, (*static, Unasked())),
-        ),
-        passes=(roomy, tight) if roomy else (tight,),
+        last_resorts=((whatever,), *as_paper(levels, {unasked.name: unasked})),
     )
+    return replace(planner, constraints=(*planner.constraints, strict), strategy=strategy)
 
 
-def make_spares(
-    choice: PlannerChoice, shelf: Shelf, container: Container, grid: GridConfig
-) -> tuple[Planner, ...]:
+def make_spares(options: PlanOptions, items: PlanningItems, container: Container) -> tuple[Planner, ...]:
     """Planners to ask where the plan of the chosen one fails in rehearsal (:mod:`packenv.rehearsal`).
 
     The cautious rule knows places that no drop confirms, and asks a tenth of the time; what its plans are
@@ -256,13 +245,12 @@ def make_spares(
     fits only so, the first one packs what the paper's rule packs.
 
     Args:
-        choice: what the user chose.
-        shelf: every item of the order.
+        options: how to plan.
+        items: every item of the order.
         container: the box.
-        grid: the discretization that ``shelf.prepared`` was made with.
     """
-    if choice.stability != "physics":
+    if options.stability != "physics":
         return ()
-    brisk = replace(choice, stability="cautious", restarts=min(choice.restarts, 1))
-    brisks = dict.fromkeys((brisk, replace(brisk, clearance=0.0)))
-    return tuple(assemble(each, shelf, container, grid) for each in brisks)
+    brisk = replace(options, stability="cautious", restarts=min(options.restarts, 1))
+    clear = (0.0,) if options.clearance == 0.0 else (options.clearance, 0.0)
+    return tuple(assemble(replace(brisk, clearance=c), items, container) for c in clear)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.constraints import Constraint
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.packing import Pile
 from packenv.types import Container, Placement, Pose
@@ -44,8 +44,8 @@ class Arrangement(Protocol):
         """(3, 3) rotation and (3,) position of every placed item, mesh frame to container frame, m."""
         ...
 
-    def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
-        """Put an item in; ``verdicts`` are what each constraint said of it."""
+    def place(self, placement: Placement, planned: Pile) -> Landing:
+        """Put an item in; ``planned`` is the pile with it as it was planned."""
         ...
 
     def close(self) -> None:
@@ -73,10 +73,9 @@ class PlannedArrangement:
         """Where the items lie."""
         return tuple(self._poses)
 
-    def place(self, placement: Placement, trial: Trial, verdicts: Sequence[Verdict]) -> Landing:
+    def place(self, placement: Placement, planned: Pile) -> Landing:
         """Put an item where it was planned."""
-        surface = self._pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
-        self._pile = Pile(surface, tuple(verdict.state for verdict in verdicts))
+        self._pile = planned
         self._poses.append(placement.pose)
         return Landing()
 

@@ -14,16 +14,16 @@ import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
-from packenv.planning.assembly import Constraints, StabilityRule, margin_rule
+from packenv.planning.assembly import margin_rule
 from packenv.planning.contacts import Body, join, no_contacts
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.margins import MarginRule, check_margin
+from packenv.planning.options import GraspRule, PlanOptions
 from packenv.planning.replay import replay
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import ContactFinder, ContactRule, contact_finder
+from packenv.planning.stability_constraint import ContactFinder, contact_finder
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.types import Contacts, Item, Placement, Plan
@@ -55,12 +55,7 @@ def recheck(
     plan: Plan,
     items: Mapping[str, Item],
     fields: Mapping[str, SurfaceField],
-    *,
-    constraints: Constraints,
-    stability: StabilityRule,
-    contacts: ContactRule,
-    grasp: GraspRule,
-    cell_size: float,
+    options: PlanOptions,
 ) -> Recheck:
     """Check what the plan's constraints ask beyond non-overlap.
 
@@ -68,25 +63,22 @@ def recheck(
         plan: the plan.
         items: the placed items by name, as the geometry that the plan was made with.
         fields: their surfaces.
-        constraints: what the plan claims to keep.
-        stability: by which rule it claims to be stable; of ``cautious`` and ``physics`` equilibrium.
-        contacts: by which rule it finds contacts.
-        grasp: by which rule it claims to be graspable.
-        cell_size: of the plan's heightmaps, m.
+        options: what the plan claims to keep; of the stability rules ``cautious`` and ``physics`` equilibrium.
     """
-    if constraints == "overlap":
+    if options.constraints == "overlap":
         return Recheck()
-    rule = margin_rule(stability)
-    unstable = _unstable(plan, items, fields, rule, contact_finder(contacts, tight=rule is not None))
-    if constraints == "stability":
+    rule = margin_rule(options.stability)
+    find = contact_finder(options.contacts, tight=rule is not None)
+    unstable = _unstable(plan, items, fields, rule, find)
+    if options.constraints == "stability":
         return Recheck(unstable)
-    surfaces = _surfaces_before(plan, items, cell_size)
+    surfaces = _surfaces_before(plan, items, options.grid.cell_size)
     checker = ManipulationChecker(Cell.beside(plan.container))
     unreachable = tuple(
         step
         for step, placement in enumerate(plan.placements, start=1)
         if step > len(surfaces)
-        or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, grasp)
+        or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, options.grasp)
     )
     return Recheck(unstable, unreachable)
 
@@ -168,15 +160,9 @@ def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker:
     The grasp must be one of the item's own, the way straight down from above the rim by way of the release,
     the joints one continuous branch within the limits with the arm clear of the rim and of itself.
     """
-    stated = placement.details.get("manipulation")
-    if not isinstance(stated, Mapping):
+    if placement.path is None:
         return False
-    try:
-        joints = np.asarray(stated["joints"], dtype=np.float64).reshape(-1, 6)
-        grasp = np.asarray(stated["grasp"], dtype=np.float64).reshape(3)
-        heights = np.asarray(stated["cup_heights"], dtype=np.float64).reshape(len(joints))
-    except (KeyError, TypeError, ValueError):
-        return False
+    joints, grasp, heights = placement.path.joints, placement.path.grasp, placement.path.cup_heights
     cell = checker.cell
     if len(joints) < 3 or not all(np.isfinite(a).all() for a in (joints, grasp, heights)):
         return False

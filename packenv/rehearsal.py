@@ -10,9 +10,9 @@ from typing import TypeAlias
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.assembly import MAX_WORLDS
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting
+from packenv.planning.options import rules
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS, name_of
@@ -23,7 +23,7 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, ExecutionConfig, feeling
 from packenv.sim.verdicts import DISPLACED, OUT
-from packenv.types import Container, Plan
+from packenv.types import Container
 
 Start: TypeAlias = tuple[ContainerMap, Sequence[Resting]]
 """The heightmap of what the container holds already, and the items themselves."""
@@ -35,6 +35,8 @@ SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
 SETTLE = 3.0
 """Longest time for coming to rest, s: what moves on does so for long."""
+MAX_WORLDS = int(rules()["rehearse"].most)
+"""Most worlds in which a plan is carried out before it is given out."""
 ALTERNATIVES = ("hm", "dblf", "mta")
 """Heuristics that are tried, after the planner's own, where a plan fails."""
 RESTARTS = 1
@@ -131,15 +133,14 @@ class Rehearsed:
     plans: int
     how: str
 
-    def told_by(self, plan: Plan) -> Plan:
-        """A plan of this packing that tells how it did."""
-        figures = {
+    @property
+    def metrics(self) -> dict[str, float]:
+        """How it did, for the plan's file."""
+        return {
             "rehearsal_worlds": self.worlds,
             "rehearsal_survived": self.survived,
             "rehearsal_plans": self.plans,
         }
-        settings = {**plan.settings, "rehearsed_plan": self.how}
-        return replace(plan, metrics={**plan.metrics, **figures}, settings=settings)
 
 
 def pack_rehearsed(
@@ -263,12 +264,14 @@ class _Search:
         """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
         late = blamed
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
-        brief = replace(planner, restarts=min(planner.restarts, RESTARTS), resort=())
+        strategy = planner.strategy
+        strategy = replace(strategy, restarts=min(strategy.restarts, RESTARTS), last_resorts=())
+        brief = replace(planner, strategy=strategy)
         for name in ALTERNATIVES:
             if name != name_of(planner.heuristic):
                 yield name, self.pack(replace(brief, heuristic=HEURISTICS[name]))
         # A restart would bring forward what shall come last.
-        straight = replace(brief, restarts=0)
+        straight = replace(brief, strategy=replace(strategy, restarts=0))
         known = {tuple(self.sequence)}
         for _ in range(LATER):
             sequence = sorted(self.sequence, key=lambda name: name in late)

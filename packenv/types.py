@@ -7,7 +7,7 @@ Arrays in these records are read-only by convention: whoever wants to change one
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -268,6 +268,21 @@ class Placement:
         return Pose(self.rotation, self.position)
 
 
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A moment, for animations.
+
+    Attributes:
+        time: s.
+        joints: (6,) of the robot, rad; None where there is none.
+        poses: of the mesh frame of every item that is there, in packing sequence, m.
+    """
+
+    time: float
+    joints: FloatArray | None
+    poses: tuple[Pose, ...]
+
+
 @dataclass(frozen=True)
 class Leftover:
     """An item of the order that is not in the plan.
@@ -369,6 +384,7 @@ class Plan:
             made that it chose (docs/plan-format.md).
         items: the items themselves, by name, where they were at hand when the plan was made or read; they are
             in no file.
+        source: the file that it came from, for messages; None for a plan that was just made.
     """
 
     container: Container
@@ -382,11 +398,23 @@ class Plan:
     meshes: dict[str, MeshRecord] = field(default_factory=dict)
     made_by: str = "planner"
     items: Mapping[str, Item] = field(default_factory=dict, repr=False)
+    source: Path | None = None
 
-    def to_scene(self) -> trimesh.Scene:
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return "the plan" if self.source is None else str(self.source)
+
+    def to_scene(
+        self, poses: Sequence[Pose] | None = None, items: Mapping[str, Item] | None = None
+    ) -> trimesh.Scene:
         """The packed items as a trimesh scene in the container frame: z up, m; a node for each placement.
 
         Nodes and geometries have the items' names; ``scene.metadata`` holds the container's size.
+
+        Args:
+            poses: where the items are, in packing sequence; the planned poses where None.
+            items: their meshes by name; those at hand where None.
 
         Raises:
             PlanError: the meshes of its items are not at hand: read the plan by ``packenv.load_plan``.
@@ -394,20 +422,22 @@ class Plan:
         import trimesh
 
         scene = trimesh.Scene(metadata={"container": list(self.container.size), "units": "m"})
-        for placement in self.placements:
-            if placement.item not in self.items:
+        known = self.items if items is None else items
+        places = [p.pose for p in self.placements] if poses is None else poses
+        for placement, pose in zip(self.placements, places, strict=False):
+            if placement.item not in known:
                 raise PlanError(
                     f"the mesh of {placement.item} is not at hand, read the plan by packenv.load_plan(path)"
                 )
-            item = self.items[placement.item]
+            item = known[placement.item]
             node = placement.item if placement.instance == 1 else f"{placement.item}-{placement.instance}"
             if placement.item in scene.geometry:
                 scene.graph.update(  # type: ignore[no-untyped-call]
-                    node, matrix=placement.pose.matrix, geometry=placement.item
+                    node, matrix=pose.matrix, geometry=placement.item
                 )
                 continue
             mesh = trimesh.Trimesh(item.vertices, item.faces, process=False)
-            scene.add_geometry(mesh, node, placement.item, transform=placement.pose.matrix)
+            scene.add_geometry(mesh, node, placement.item, transform=pose.matrix)
         return scene
 
     @property

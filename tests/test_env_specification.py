@@ -6,8 +6,8 @@ from dataclasses import fields
 
 import pytest
 
-from packenv.config import PackConfig
 from packenv.env import PackEnv
+from packenv.env_config import PackConfig
 from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
 from packenv.reward import Outcome
 from tests.conftest import REPO

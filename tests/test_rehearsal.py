@@ -21,8 +21,7 @@ from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
 from tests.shapes import box
-from tests.sim.bodies import BOX as HAND_BOX
-from tests.sim.bodies import URDF, brick, by_hand, convex, slipped
+from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
 from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, shelf_of, where
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")

@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents import make
 from agents.placement_network import ObservationLayout
 from agents.policy_files import current_layout
-from packenv.config import PackConfig
 from packenv.env import PackEnv
+from packenv.env_config import PackConfig
 from train.checkpoints import Checkpoints
 from train.config import TrainConfig
 from train.environments import evaluation_environment, held_out_seeds, training_environments

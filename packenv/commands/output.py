@@ -7,6 +7,8 @@ import sys
 from collections.abc import Collection, Iterator
 from typing import TypeVar
 
+from packenv.watcher import Watcher
+
 T = TypeVar("T")
 
 
@@ -23,6 +25,18 @@ def say_json(document: object) -> None:
 def remark(text: str) -> None:
     """Print a line that is not part of the result."""
     print(f"robotpack: {text}", file=sys.stderr)  # noqa: T201
+
+
+class Terminal(Watcher):
+    """Remarks on standard error, and a progress bar on a terminal; no bar in a pipe or a log."""
+
+    def remark(self, text: str) -> None:
+        """Print it."""
+        remark(text)
+
+    def progress(self, things: Collection[T], what: str) -> Iterator[T]:
+        """Iterate with a bar."""
+        return with_progress(things, what)
 
 
 def with_progress(things: Collection[T], what: str) -> Iterator[T]:

@@ -11,7 +11,7 @@ import numpy as np
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
 from packenv.geometry.mesh_files import read_mesh_file
-from packenv.geometry.readers.raw import check_points
+from packenv.geometry.readers.raw import RawMesh, check_points
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
@@ -63,7 +63,20 @@ def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
     path = Path(path)
     if unit is not None and unit not in UNITS:
         raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
-    raw = read_mesh_file(path)
+    return solid_mesh(path, read_mesh_file(path), unit)
+
+
+def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
+    """Check and mend a mesh as :func:`load_mesh` does, whatever it came from.
+
+    Args:
+        path: the file, or what a mesh in memory is called in messages.
+        raw: its content.
+        unit: as for :func:`load_mesh`.
+
+    Raises:
+        MeshError: something is wrong with it.
+    """
     if not len(raw.faces):
         content = f"{len(raw.vertices)} points but no faces" if len(raw.vertices) else "no faces"
         raise MeshError(

@@ -18,13 +18,11 @@ from packenv.io.robot_meshes import robot_meshes
 from packenv.robot.cell import Cell
 from packenv.robot.gripper import LENGTH
 from packenv.robot.tx90 import link_frames
-from packenv.types import Container, Float32Array, FloatArray, IntArray, Item, Plan
+from packenv.types import Container, Float32Array, FloatArray, Frame, IntArray, Item, Plan, Pose
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowPicture
 
-    from packenv.sim.camera import Frame
-    from packenv.sim.session import Execution
 
 Progress: TypeAlias = Callable[[Sequence["Frame"]], Iterable["Frame"]]
 
@@ -33,6 +31,8 @@ SIZE = (480, 360)
 
 _FRAME_MS = 80  # GIF counts in hundredths of a second: 12.5 frames a second
 _LAST_MS = 2500
+_WAY_FRAMES = 5
+"""Moments of an item's way down in the animation of a plan."""
 _AZIMUTH, _ELEVATION = -38.0, 24.0
 _QUALITY = Quality(samples=2, skies=16, sky_map=128, sun_map=512)
 _ROBOT_COLOURS = {"arm": (238, 186, 70), "wrist": (176, 180, 188), "gripper": (62, 66, 74)}
@@ -45,18 +45,18 @@ def write_gif(
     path: Path,
     plan: Plan,
     items: Mapping[str, Item],
-    execution: Execution,
     frames: Sequence[Frame],
+    ending: str = "",
     progress: Progress = iter,
 ) -> None:
     """Draw frames and write them as an animated GIF.
 
     Args:
         path: the file to write; an older one is replaced only when the new one is complete.
-        plan: what was carried out.
+        plan: what is shown.
         items: the plan's items by name.
-        execution: what came of it, for the caption.
-        frames: as recorded, at least one.
+        frames: as recorded in an execution or made by :func:`planned_frames`, at least one.
+        ending: text for the last frame.
         progress: iterates over the frames, for a progress bar.
 
     Raises:
@@ -68,9 +68,8 @@ def write_gif(
     palette = _palette([artist.draw(frames[k]) for k in _spread(len(frames), 6)])
     pictures = []
     for number, frame in enumerate(progress(frames), start=1):
-        ending = _verdict(execution) if number == len(frames) else ""
         drawn = PillowImage.fromarray(artist.draw(frame))
-        _caption(drawn, _step_text(plan, frame), ending)
+        _caption(drawn, _step_text(plan, frame), ending if number == len(frames) else "")
         pictures.append(drawn.quantize(palette=palette, dither=PillowImage.Dither.NONE))
     durations = [_FRAME_MS] * (len(pictures) - 1) + [_LAST_MS]
     buffer = io.BytesIO()
@@ -78,6 +77,24 @@ def write_gif(
         buffer, format="GIF", save_all=True, append_images=pictures[1:], duration=durations, loop=0
     )
     write_whole(Path(path), buffer.getvalue())
+
+
+def planned_frames(plan: Plan) -> tuple[Frame, ...]:
+    """Moments of a plan as the robot would carry it out: each item on its way down, and in its place."""
+    frames: list[Frame] = [Frame(0.0, None, ())]
+    lying: list[Pose] = []
+    for placement in plan.placements:
+        path = placement.path
+        lifts, joints = np.array([plan.container.height, 0.0]), None
+        if path is not None:
+            chosen = _spread(len(path.joints), _WAY_FRAMES)
+            lifts, joints = (path.cup_heights - path.cup_heights[-1])[chosen], path.joints[chosen]
+        for k, lift in enumerate(lifts):
+            held = placement.pose.moved(np.array([0.0, 0.0, float(lift)]))
+            now = None if joints is None else joints[k]
+            frames.append(Frame(float(len(frames)), now, (*lying, held)))
+        lying.append(placement.pose)
+    return tuple(frames)
 
 
 def _spread(count: int, wanted: int) -> list[int]:
@@ -198,10 +215,6 @@ def _table(container: Container, cell: Cell) -> Surface:
 def _step_text(plan: Plan, frame: Frame) -> str:
     step, count = len(frame.poses), len(plan.placements)
     return f"{step} / {count}   {plan.placements[step - 1].item}" if step else f"0 / {count}"
-
-
-def _verdict(execution: Execution) -> str:
-    return "success" if execution.success else f"{execution.cause}: {execution.detail}"
 
 
 def _caption(picture: PillowPicture, text: str, ending: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
@@ -16,6 +16,9 @@ from packenv.types import Item
 
 BUILTIN = "builtin"
 """Label of the catalogue that RobotPack brings along."""
+
+MEMORY = "memory"
+"""Label of a catalogue whose items are in no folder."""
 
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
@@ -57,6 +60,15 @@ class Catalogue:
         self.folder = folder
         self.entries = entries
         self._items: dict[str, Item] = {}
+
+    @classmethod
+    def of_items(cls, items: Mapping[str, Item]) -> Catalogue:
+        """A catalogue of items that are in no folder."""
+        made = cls(
+            MEMORY, Path(), {name: CatalogueEntry(item.file, item.mass) for name, item in items.items()}
+        )
+        made._items.update(items)
+        return made
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,6 +136,8 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
     if unit is not None and unit not in UNITS:
         raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
     label = BUILTIN if folder is None else str(folder)
+    if label == MEMORY:
+        raise CatalogueError("the meshes were in a script's memory, in no folder: give the catalogue again")
     path = assets_dir() / "catalogue" if label == BUILTIN else Path(label)
     if "://" in label:
         raise CatalogueError(f"{label}: is a URL; download the catalogue and give its folder")

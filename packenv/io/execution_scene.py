@@ -17,21 +17,23 @@ if TYPE_CHECKING:
     from packenv.sim.session import Execution, ItemOutcome
 
 
-def executed_scene(plan: Plan, items: Mapping[str, Item], execution: Execution) -> Scene:
+def executed_scene(plan: Plan, items: Mapping[str, Item], execution: Execution, placed: int = 0) -> Scene:
     """The scene of a plan with what physics made of it.
 
     Args:
         plan: what was carried out.
         items: the plan's items by name.
         execution: outcomes and final poses, in the plan's sequence; after a collision, fewer than planned.
+        placed: items that lay there at the beginning, without outcomes.
 
     Returns:
         The scene of the plan, without heightmaps, with measured poses at the end of the execution.
     """
     outcomes = execution.items
     unplaced: dict[str, object] = {"Execution": "not placed: the robot had stopped"}
-    figures = [_figures(o, items[o.item], execution, k) for k, o in enumerate(outcomes)]
-    figures += [unplaced] * (len(plan.placements) - len(outcomes))
+    figures: list[dict[str, object]] = [{"Execution": "lay there at the beginning"}] * placed
+    figures += [_figures(o, items[o.item], execution, k) for k, o in enumerate(outcomes, start=placed)]
+    figures += [unplaced] * (len(plan.placements) - len(figures))
     scene = build_scene(plan, items, extra_figures=figures)
     poses = [*execution.final, *[None] * (len(plan.placements) - len(execution.final))]
     steps = tuple(

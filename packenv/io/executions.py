@@ -8,10 +8,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from packenv import __version__
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.io.files import write_whole
 from packenv.types import Leftover, Placement, Pose
+from packenv.version import __version__
 
 if TYPE_CHECKING:
     from packenv.sim.disturbance import Disturbance
@@ -30,6 +30,7 @@ def execution_to_json(
     plan: str = "",
     plans: int | None = None,
     leftovers: Sequence[Leftover] = (),
+    placed: int = 0,
 ) -> dict[str, Any]:
     """What physics made of a plan, as a JSON-able mapping.
 
@@ -41,11 +42,12 @@ def execution_to_json(
         plan: the plan file's name.
         plans: how many plans were looked at, in closed loop; None in open loop.
         leftovers: items that should have been placed and found no place any more; any is a failure.
+        placed: items that lay there at the beginning, without outcomes.
     """
     items = [
         _item_to_json(step, outcome, placement.instance, final)
         for step, (outcome, placement, final) in enumerate(
-            zip(execution.items, placements, execution.final, strict=False), start=1
+            zip(execution.items, placements, execution.final[placed:], strict=False), start=placed + 1
         )
     ]
     means = mean_lengths(execution)

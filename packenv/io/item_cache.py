@@ -18,10 +18,8 @@ import numpy as np
 from packenv.config import HEIGHT_QUANTUM, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.ball_fit import Ball
-from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT
-from packenv.geometry.convex_parts import ConvexParts, convex_parts, envelope
-from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT
-from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT, ConvexParts, convex_parts, envelope
+from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT, SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.files import write_whole

@@ -174,8 +174,7 @@ def paint(
     Returns:
         (height, width, 3) sRGB.
     """
-    from packenv.io import shading_kernels as shading
-    from packenv.io import zbuffer_kernels as zbuffer
+    from packenv.io import shading_kernels as shading, zbuffer_kernels as zbuffer
 
     samples, size = quality.samples, camera.size
     columns, rows = size[0] * samples, size[1] * samples

@@ -3,69 +3,69 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 
-from packenv.config import GridConfig
 from packenv.io.plans import EnvelopeRecord
+from packenv.io.shelves import ItemShelf
+from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
-from packenv.types import Item, MeshRecord, OrderLine, Plan
+from packenv.types import MeshRecord, OrderLine, Plan
 
 
 def make_plan(
     packing: Packing,
     order: tuple[OrderLine, ...],
-    items: Mapping[str, Item],
-    grid: GridConfig,
+    shelf: ItemShelf,
+    options: PlanOptions,
     *,
-    catalogue: str,
     unit: str | None = None,
-    settings: Mapping[str, object],
+    made_by: str = "planner",
+    metrics: Mapping[str, float] | None = None,
 ) -> Plan:
     """Join a packing with what its file must tell.
 
     Args:
         packing: what the planner returned.
         order: the order's lines.
-        items: every item of the order by name.
-        grid: the discretization that the packing was made with.
-        catalogue: folder of the catalogue, or ``builtin``.
+        shelf: every item of the order.
+        options: how the packing was planned.
         unit: the unit that the user gave for the meshes.
-        settings: further settings to keep: heuristic, constraints, sequence, seed.
+        made_by: as in :class:`Plan`.
+        metrics: further figures.
     """
     routes = Counter(placement.route for placement in packing.placements)
     tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
+    names = dict.fromkeys(line.item for line in order)
     return Plan(
         container=packing.container,
         placements=packing.placements,
         leftovers=packing.leftovers,
-        settings={**settings, **asdict(grid)},
+        settings=options.to_mapping(),
         metrics={
             "ordered": sum(line.qty for line in order),
             "packed": len(packing.placements),
             "utilization": packing.utilization,
             "height": max(tops, default=0.0),
             **{f"route_{route}": n for route, n in sorted(routes.items())},
+            **(metrics or {}),
         },
-        catalogue=catalogue,
+        catalogue=shelf.catalogue.label,
         unit=unit,
         order=order,
-        meshes={
-            name: MeshRecord(item.file, item.sha256, item.volume, item.mass, item.mass_estimated)
-            for name, item in items.items()
-        },
+        meshes=mesh_records(names, shelf),
+        made_by=made_by,
+        items={name: shelf.items[name] for name in names},
     )
 
 
-def with_envelopes(plan: Plan, shapes: Mapping[str, Item]) -> Plan:
-    """The plan with the hash of every item's envelope, for plans on convex parts.
-
-    Args:
-        plan: the plan.
-        shapes: every item of the order by name, as its envelope.
-    """
-    records = {
-        name: EnvelopeRecord(**asdict(mesh), envelope_sha256=shapes[name].sha256)
-        for name, mesh in plan.meshes.items()
-    }
-    return replace(plan, meshes={**records})
+def mesh_records(names: Iterable[str], shelf: ItemShelf) -> dict[str, MeshRecord]:
+    """What a plan keeps of some items, the hash of the envelope included where it is planned with."""
+    records: dict[str, MeshRecord] = {}
+    for name in names:
+        item = shelf.items[name]
+        record = MeshRecord(item.file, item.sha256, item.volume, item.mass, item.mass_estimated)
+        if shelf.geometry == "parts":
+            record = EnvelopeRecord(**asdict(record), envelope_sha256=shelf.shapes[name].sha256)
+        records[name] = record
+    return records

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from packenv import __version__
 from packenv.errors import ContainerError, PlanError
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
+from packenv.io.catalogues import BUILTIN, MEMORY
 from packenv.io.files import write_whole
-from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan
+from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
+from packenv.version import __version__
 
 SCHEMA_VERSION = 1
 _HUGE = 1e12
@@ -34,6 +35,9 @@ class EnvelopeRecord(MeshRecord):
     envelope_sha256: str
 
 
+_PATH = "manipulation"
+"""Where a step's details keep the robot's path."""
+
 _UNITS = {"length": "m", "mass": "kg", "volume": "m3", "angle": "rad"}
 
 
@@ -44,7 +48,7 @@ def write_plan(path: Path, plan: Plan) -> None:
         InputError: the file cannot be written.
     """
     document = plan_to_json(plan)
-    if plan.catalogue != "builtin":
+    if plan.catalogue not in (BUILTIN, MEMORY):
         document["catalogue"] = _relative(Path(plan.catalogue), path.parent)
     write_whole(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
@@ -58,6 +62,7 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "catalogue": plan.catalogue,
         "unit": plan.unit,
         "container": {"name": plan.container.name, "size": list(plan.container.size)},
+        "made_by": plan.made_by,
         "settings": plan.settings,
         "order": [{"item": line.item, "qty": line.qty} for line in plan.order],
         "meshes": {name: asdict(mesh) for name, mesh in plan.meshes.items()},
@@ -92,8 +97,21 @@ def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
         "route": placement.route,
         "checked": placement.checked,
         "rejections": placement.rejections,
-        "details": placement.details,
+        "details": {**placement.details, **_path_to_json(placement.path)},
     }
+
+
+def _path_to_json(path: RobotPath | None) -> dict[str, Any]:
+    if path is None:
+        return {}
+    values = {
+        "grasp": path.grasp.tolist(),
+        "grasp_kind": path.grasp_kind,
+        "grasps_tried": path.grasps_tried,
+        "cup_heights": path.cup_heights.tolist(),
+        "joints": path.joints.tolist(),
+    }
+    return {_PATH: values}
 
 
 def _relative(folder: Path, start: Path) -> str:
@@ -126,7 +144,7 @@ def read_plan(path: Path) -> Plan:
     if type(version) is not int or version != SCHEMA_VERSION:
         raise PlanError(f"{path}: schema_version is {version!r:.80}, this version reads {SCHEMA_VERSION}")
     plan = _Reader(path).plan(document)
-    if plan.catalogue == "builtin":
+    if plan.catalogue in (BUILTIN, MEMORY):
         return plan
     folder = (path.parent / plan.catalogue).as_posix()
     return replace(plan, catalogue=folder)
@@ -202,6 +220,7 @@ class _Reader:
         where = f"steps[{index}]"
         if self.count(row, "step", where, 1) != index + 1:
             raise self.fail(f"{where}.step", self.get(row, "step", where), str(index + 1))
+        details = self.mapping(row, "details", where)
         return Placement(
             item=self.text(row, "item", where),
             instance=self.count(row, "instance", where, 1),
@@ -216,7 +235,24 @@ class _Reader:
             route=self.text(row, "route", where),
             checked=self.count(row, "checked", where, 0),
             rejections=self.counts(row, "rejections", where),
-            details=self.mapping(row, "details", where),
+            details={name: value for name, value in details.items() if name != _PATH},
+            path=self.path_of_robot(details, f"{where}.details") if _PATH in details else None,
+        )
+
+    def path_of_robot(self, details: object, where: str) -> RobotPath:
+        stated, place = self.mapping(details, _PATH, where), f"{where}.{_PATH}"
+        rows = self.get(stated, "joints", place)
+        if not isinstance(rows, list) or len(rows) < 3:
+            raise self.fail(f"{place}.joints", rows, "a path of three or more waypoints")
+        joints = [
+            self.vector({"joints": row}, "joints", f"{place}.joints[{k}]", 6) for k, row in enumerate(rows)
+        ]
+        return RobotPath(
+            grasp=self.vector(stated, "grasp", place, 3),
+            grasp_kind=self.text(stated, "grasp_kind", place),
+            grasps_tried=self.count(stated, "grasps_tried", place, 0),
+            cup_heights=self.vector(stated, "cup_heights", place, len(joints)),
+            joints=np.array(joints),
         )
 
     def mesh(self, row: object, where: str) -> MeshRecord:
@@ -241,6 +277,7 @@ class _Reader:
         except ContainerError as problem:
             raise PlanError(f"{self.path}: {problem}") from None
         unit = document.get("unit")
+        made_by = document.get("made_by", "planner")
         plan = Plan(
             container=container,
             placements=tuple(self.placement(row, k) for k, row in enumerate(self.rows(document, "steps"))),
@@ -254,7 +291,8 @@ class _Reader:
                 )
                 for k, row in enumerate(self.rows(document, "leftovers"))
             ),
-            settings=self.mapping(document, "settings"),
+            settings=dict(self.mapping(document, "settings")),
+            made_by=made_by if isinstance(made_by, str) else "planner",
             metrics=self.mapping(document, "metrics"),
             catalogue=self.text(document, "catalogue", "the plan"),
             unit=unit if isinstance(unit, str) else None,

@@ -35,9 +35,8 @@ class SceneStep:
 
     @property
     def vertices(self) -> FloatArray:
-        """(n, 3) the mesh's vertices in the container frame, m."""
-        placed: FloatArray = self.item.vertices @ self.placement.rotation.T + self.placement.position
-        return placed
+        """(n, 3) the mesh's vertices in the container frame, m: where it was measured, else as planned."""
+        return (self.measured or self.placement.pose).apply(self.item.vertices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +164,7 @@ def _placement_figures(placement: Placement, item: Item) -> dict[str, object]:
 
 def _constraint_figures(placement: Placement) -> dict[str, object]:
     """What the constraints told of a placement; nothing under non-overlap alone."""
-    if not placement.details:
+    if not placement.details and placement.path is None:
         return {}
     figures: dict[str, object] = {"Checked": placement.checked}
     if placement.rejections:
@@ -176,7 +175,6 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
     for name, describe in (
         ("stability", _stability_figures),
         ("physics", _physics_figures),
-        ("manipulation", _manipulation_figures),
     ):
         details = placement.details.get(name)
         if isinstance(details, Mapping):
@@ -184,6 +182,9 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
                 figures.update(describe(details))
             except (KeyError, TypeError, ValueError, IndexError):
                 figures[name.capitalize()] = "not as RobotPack writes it"
+    if placement.path is not None:
+        figures["Grasp"] = f"{placement.path.grasp_kind}, {_point(placement.path.grasp.tolist())}"
+        figures["Joints"] = ", ".join(f"{math.degrees(q):.1f}°" for q in placement.path.joints[-1])
     return figures
 
 
@@ -208,11 +209,6 @@ def _physics_figures(details: Mapping[str, Any]) -> dict[str, object]:
     if rule != "strict":
         figures["Drop judged"] = rule
     return figures
-
-
-def _manipulation_figures(details: Mapping[str, Any]) -> dict[str, object]:
-    joints = ", ".join(f"{math.degrees(q):.1f}°" for q in details["joints"][-1])
-    return {"Grasp": f"{details['grasp_kind']}, {_point(details['grasp'])}", "Joints": joints}
 
 
 def _point(at: Sequence[float]) -> str:

@@ -1,10 +1,10 @@
-"""What planning and physics need of items, by name: loaded when it is first asked for, and kept."""
+"""The one loader: what planning and physics need of items, by name, loaded when it is first asked for."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Generic, Literal, TypeAlias, TypeVar
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from packenv.config import GridConfig
 from packenv.geometry.convex_parts import ConvexParts, convex_parts, envelope
@@ -13,7 +13,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.io.catalogues import Catalogue
 from packenv.io.item_cache import ItemCache
 from packenv.io.parts_files import exact_parts
-from packenv.planning.assembly import Shelf
+from packenv.planning.options import Geometry
 from packenv.types import Item
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-Geometry: TypeAlias = Literal["mesh", "parts"]
-"""What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
+Progress = Callable[[Collection[str], str], Iterable[str]]
+"""Iterates over names, and may show how far it is; the second argument says what is done."""
 
 FIELD_MEMORY = 32 * 2**20
 """Bytes of surface fields that a shelf keeps; one takes 2 to 8 MB, and reading it a few milliseconds."""
@@ -66,6 +66,9 @@ class _Recent(Generic[T]):
             self._bytes -= self._kept.popitem(last=False)[1][1]
         return value
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._kept
+
     def drop(self, name: str) -> None:
         """Forget a name."""
         if name in self._kept:
@@ -76,13 +79,25 @@ class ItemShelf:
     """The items of a catalogue, and for a while those that an order brings along.
 
     What belongs to the catalogue also goes through the user's cache; what an order brings along does not,
-    for it seldom comes twice.
+    for it seldom comes twice. Every attribute below is a mapping by name that loads what it is asked for.
+
+    Attributes:
+        catalogue: where the items are from.
+        grid: the discretization that they are prepared for.
+        geometry: what they are planned with.
+        items: the items as their meshes.
+        masses: kg.
+        parts: their convex parts: exact ones where the catalogue has them.
+        shapes: the items as they are planned with: their meshes, or their envelopes.
+        prepared: stable poses and heightmaps of the shapes.
+        fields: surfaces of the shapes.
+        physics: the items as rigid bodies of their convex parts, or balls.
     """
 
     def __init__(
         self,
         catalogue: Catalogue,
-        grid: GridConfig,
+        grid: GridConfig | None = None,
         geometry: Geometry = "mesh",
         *,
         cache: ItemCache | None = None,
@@ -93,25 +108,34 @@ class ItemShelf:
 
         Args:
             catalogue: where the items are from.
-            grid: the discretization that they are prepared for.
+            grid: the discretization; the default one where None.
             geometry: what they are planned with.
             cache: the user's, where None.
             field_memory: bytes of surface fields that are kept.
             map_memory: bytes of heightmaps that are kept.
         """
         self.catalogue = catalogue
-        self.grid = grid
-        self.geometry = geometry
+        self.grid = grid or GridConfig()
+        self.geometry: Geometry = geometry
         self._cache = cache or ItemCache()
+        self._memories = field_memory, map_memory
         self._brought: Mapping[str, Item] = {}
-        self._parts: dict[str, ConvexParts] = {}
-        self._shapes: dict[str, Item] = {}
-        self._prepared = _Recent(map_memory, _map_bytes)
-        self._physics: dict[str, PhysicsItem] = {}
-        self._fields = _Recent(field_memory, _field_bytes)
-        self.shapes: Mapping[str, Item] = _Lazy(self.shape, lambda: self.catalogue.names)
-        self.fields: Mapping[str, SurfaceField] = _Lazy(self.field, lambda: self.catalogue.names)
-        self.prepared_items: Mapping[str, PreparedItem] = _Lazy(self.prepared, lambda: self.catalogue.names)
+        self._kept_parts: dict[str, ConvexParts] = {}
+        self._kept_shapes: dict[str, Item] = {}
+        self._kept_physics: dict[str, PhysicsItem] = {}
+        self._kept_maps = _Recent(map_memory, _map_bytes)
+        self._kept_fields = _Recent(field_memory, _field_bytes)
+
+        def lazily(make: Callable[[str], T]) -> Mapping[str, T]:
+            return _Lazy(make, self._names)
+
+        self.items: Mapping[str, Item] = lazily(self._item)
+        self.masses: Mapping[str, float] = lazily(lambda name: self._item(name).mass)
+        self.parts: Mapping[str, ConvexParts] = lazily(self._parts)
+        self.shapes: Mapping[str, Item] = lazily(self._shape)
+        self.prepared: Mapping[str, PreparedItem] = lazily(self._prepared)
+        self.fields: Mapping[str, SurfaceField] = lazily(self._field)
+        self.physics: Mapping[str, PhysicsItem] = lazily(self._physics)
 
     def bring(self, items: Mapping[str, Item]) -> None:
         """Take items that are of no catalogue, in place of those that were brought before.
@@ -119,76 +143,95 @@ class ItemShelf:
         One of the name of an item of the catalogue hides that one.
         """
         for name in {*self._brought, *items}:
-            for kept in (self._parts, self._shapes, self._physics):
+            for kept in (self._kept_parts, self._kept_shapes, self._kept_physics):
                 kept.pop(name, None)
-            self._prepared.drop(name)
-            self._fields.drop(name)
+            self._kept_maps.drop(name)
+            self._kept_fields.drop(name)
         self._brought = dict(items)
+
+    def load(
+        self,
+        names: Iterable[str],
+        *,
+        fields: bool = False,
+        physics: bool = False,
+        progress: Progress = lambda names, what: names,
+    ) -> None:
+        """Load some items now, so that a person sees how far it is.
+
+        Args:
+            names: of the items.
+            fields: their surfaces, too.
+            physics: their convex parts, too.
+            progress: iterates over the names.
+
+        Raises:
+            InputError: a mesh or a file of parts cannot be used.
+        """
+        wanted = list(dict.fromkeys(names))
+        for name in wanted:
+            self._item(name)
+        if physics or self.geometry == "parts":
+            for name in progress(wanted, "convex parts"):
+                self._parts(name)
+                self._shape(name)
+        for name in progress([n for n in wanted if n not in self._kept_maps], "preparing"):
+            self._prepared(name)
+        if fields:
+            for name in progress([n for n in wanted if n not in self._kept_fields], "surfaces"):
+                self._field(name)
+
+    def like(self, grid: GridConfig, geometry: Geometry) -> ItemShelf:
+        """The shelf of the same catalogue for another discretization or geometry; this one if they are its own."""
+        if grid == self.grid and geometry == self.geometry:
+            return self
+        fields, maps = self._memories
+        return ItemShelf(
+            self.catalogue, grid, geometry, cache=self._cache, field_memory=fields, map_memory=maps
+        )
 
     def __contains__(self, name: object) -> bool:
         return name in self._brought or name in self.catalogue
 
-    def item(self, name: str) -> Item:
-        """The item as its mesh.
+    def _names(self) -> Iterable[str]:
+        return dict.fromkeys([*self.catalogue.names, *self._brought])
 
-        Raises:
-            CatalogueError: there is no such item.
-            MeshError: its mesh cannot be used.
-        """
+    def _item(self, name: str) -> Item:
         return self._brought[name] if name in self._brought else self.catalogue.item(name)
 
-    def parts(self, name: str) -> ConvexParts:
-        """Its convex parts: exact ones where the catalogue has them."""
-
+    def _parts(self, name: str) -> ConvexParts:
         def make() -> ConvexParts:
             if name in self._brought:
-                return convex_parts(self.item(name))
-            return exact_parts(self.catalogue, name) or self._cache.parts(self.item(name))
+                return convex_parts(self._item(name))
+            return exact_parts(self.catalogue, name) or self._cache.parts(self._item(name))
 
-        return _kept(self._parts, name, make)
+        return _kept(self._kept_parts, name, make)
 
-    def shape(self, name: str) -> Item:
-        """The item as it is planned with: its mesh, or its envelope.
-
-        Raises:
-            MeshError: mesh and parts cannot be united.
-        """
+    def _shape(self, name: str) -> Item:
         if self.geometry == "mesh":
-            return self.item(name)
+            return self._item(name)
         unite = envelope if name in self._brought else self._cache.envelope
-        return _kept(self._shapes, name, lambda: unite(self.item(name), self.parts(name)))
+        return _kept(self._kept_shapes, name, lambda: unite(self._item(name), self._parts(name)))
 
-    def prepared(self, name: str) -> PreparedItem:
-        """Its stable poses and heightmaps, of the shape that is planned with."""
-
+    def _prepared(self, name: str) -> PreparedItem:
         def make() -> PreparedItem:
             prepare = prepare_item if name in self._brought else self._cache.prepare
-            return prepare(self.shape(name), self.grid)
+            return prepare(self._shape(name), self.grid)
 
-        return self._prepared.get(name, make)
+        return self._kept_maps.get(name, make)
 
-    def field(self, name: str) -> SurfaceField:
-        """The surface of the shape that is planned with."""
-
+    def _field(self, name: str) -> SurfaceField:
         def make() -> SurfaceField:
-            shape = self.shape(name)
+            shape = self._shape(name)
             return SurfaceField.of_item(shape) if name in self._brought else self._cache.surface_field(shape)
 
-        return self._fields.get(name, make)
+        return self._kept_fields.get(name, make)
 
-    def physics(self, name: str) -> PhysicsItem:
-        """The item as a rigid body of its convex parts, or a ball."""
+    def _physics(self, name: str) -> PhysicsItem:
         from packenv.sim.physics_items import PhysicsItem
 
-        return _kept(self._physics, name, lambda: PhysicsItem.of_item(self.item(name), self.parts(name)))
-
-    def planning(self, names: Iterable[str]) -> Shelf:
-        """What planning needs of some items; their surfaces only when they are asked for."""
-        wanted = dict.fromkeys(names)
-        return Shelf(
-            {name: self.shape(name) for name in wanted},
-            {name: self.prepared(name) for name in wanted},
-            self.fields,
+        return _kept(
+            self._kept_physics, name, lambda: PhysicsItem.of_item(self._item(name), self._parts(name))
         )
 
 

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import packenv
 from packenv.io.colours import hex_colour, item_colour
 from packenv.io.files import write_whole
 from packenv.io.scene import Scene, SceneStep
 from packenv.types import FloatArray, IntArray, Item
+from packenv.version import __version__
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
@@ -57,7 +57,7 @@ def page_text(scene: Scene) -> str:
     )
     fields = {
         "POLICY": html.escape(policy, quote=True).replace("&#x27;", "'"),
-        "VERSION": html.escape(packenv.__version__),
+        "VERSION": html.escape(__version__),
         "TITLE": html.escape(scene.title),
         "STYLE": style,
         "DATA": _script_safe(json.dumps(record, allow_nan=False, separators=(",", ":"))),

@@ -1,94 +1,64 @@
-"""Put a planner together from words: which constraints, which stability rule, which search."""
+"""Put a planner together from options: which constraints, how careful, which search."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from dataclasses import replace
+from typing import Any, Protocol
 
 from packenv.config import GridConfig
+from packenv.errors import InputError
+from packenv.extensions import load_extension
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
-from packenv.planning.grasps import Rule as GraspRule
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.manipulation_constraint import ManipulationConstraint
 from packenv.planning.margins import MarginRule
+from packenv.planning.options import OWN, PlanOptions, StabilityRule
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import MAX_CHECKED, Planner
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.packer import Planner
+from packenv.planning.scores import HEURISTICS, Heuristic, heuristic_named
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import ContactRule, StabilityConstraint
-from packenv.planning.turns import Tier
+from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.planning.turns import Strategy, Tier
 from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
-Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
-StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
-Search: TypeAlias = Literal["3d", "5d"]
-
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
-MAX_WORLDS = 100
-"""Most worlds in which a plan is carried out before it is given out."""
 EACH_WARY = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
 
-@dataclass(frozen=True)
-class PlannerChoice:
-    """What a user chooses of a planner.
+class PlanningItems(Protocol):
+    """All that planning needs of items, by name; :class:`packenv.io.shelves.ItemShelf` has it."""
 
-    Attributes:
-        heuristic: name of the positioning heuristic.
-        constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
-        stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
-            while all others are held, and what has no such place goes last; ``margin``: the whole pile also
-            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
-        search: ``3d`` with the fallback, or ``5d`` at once.
-        seed: for heuristics that draw.
-        max_checked: the paper's N.
-        contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
-        grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
-            flat spots alone; ``paper``: the centre of the top surface, whatever is there.
-        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
-        give_up: end at the first item that finds no place, as the paper does, instead of packing the rest.
-        clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
-            whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
-        rehearse: in how many worlds the plan is carried out before it is given out
-            (:mod:`packenv.rehearsal`); read by whoever asks the planner.
-        with_margin: report the margin of every placed item, a few milliseconds each.
-    """
+    @property
+    def grid(self) -> GridConfig:
+        """The discretization that they are prepared for."""
+        ...
 
-    heuristic: str = "hm"
-    constraints: Constraints = "robot"
-    stability: StabilityRule = "cautious"
-    search: Search = "3d"
-    seed: int = 0
-    max_checked: int = MAX_CHECKED
-    contacts: ContactRule = "surface"
-    grasp: GraspRule = "seal"
-    restarts: int = 3
-    give_up: bool = False
-    with_margin: bool = False
-    clearance: float = 0.0
-    rehearse: int = 0
+    @property
+    def shapes(self) -> Mapping[str, Item]:
+        """The items, as the geometry that is planned with."""
+        ...
 
+    @property
+    def prepared(self) -> Mapping[str, PreparedItem]:
+        """Their stable poses and heightmaps."""
+        ...
 
-@dataclass(frozen=True, eq=False)
-class Shelf:
-    """All that planning needs of some items, by name.
+    @property
+    def fields(self) -> Mapping[str, SurfaceField]:
+        """Their surfaces; not read under the overlap constraints."""
+        ...
 
-    Attributes:
-        meshes: the items.
-        prepared: their stable poses and heightmaps.
-        fields: their surfaces; may be empty under the overlap constraints.
-    """
-
-    meshes: Mapping[str, Item]
-    prepared: Mapping[str, PreparedItem]
-    fields: Mapping[str, SurfaceField]
+    @property
+    def masses(self) -> Mapping[str, float]:
+        """Kg."""
+        ...
 
 
 def margin_rule(stability: StabilityRule) -> MarginRule | None:
@@ -96,107 +66,180 @@ def margin_rule(stability: StabilityRule) -> MarginRule | None:
     return MARGIN if stability == "margin" else None
 
 
-def clearances(choice: PlannerChoice, grid: GridConfig) -> tuple[int, ...]:
-    """Cells of clearance to try, the most first: all that was asked for, a third, none."""
-    widest = math.ceil(choice.clearance / grid.cell_size - 1e-9)
+def clearances(clearance: float, grid: GridConfig) -> tuple[int, ...]:
+    """Cells of clearance to try, the most first: all that was asked for (m), a third, none."""
+    widest = math.ceil(clearance / grid.cell_size - 1e-9)
     return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
-def wary(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
-    """The same constraints, on the same states, that also ask a new item for a margin of its own."""
-    return tuple(replace(c, alone=MARGIN) if isinstance(c, StabilityConstraint) else c for c in constraints)
+def wary(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
+    """The stability constraint among them, on the same states, that also asks a new item for a margin."""
+    return {c.name: replace(c, alone=MARGIN) for c in constraints if isinstance(c, StabilityConstraint)}
+
+
+def heuristic_of(options: PlanOptions) -> Heuristic:
+    """The heuristic that the options name.
+
+    Raises:
+        InputError: there is no such own heuristic.
+    """
+    given = options.heuristic
+    if not isinstance(given, str):
+        return given
+    if given in HEURISTICS:
+        return heuristic_named(given, options.tie_break)
+    found: Heuristic = _own(given, "heuristic")
+    if not callable(found):
+        raise InputError(f"heuristic {given}: is no function of candidates and a random generator")
+    return found
+
+
+def own_constraint(given: str | Constraint) -> Constraint:
+    """A constraint of the user's own.
+
+    Args:
+        given: an object, or ``module:name`` of one, or of a class or function without arguments that makes one.
+
+    Raises:
+        InputError: there is none of that name, or it is no constraint.
+    """
+    if isinstance(given, Constraint):
+        return given
+    found = _own(given, "constraint")
+    if not isinstance(found, Constraint) and callable(found):
+        try:
+            found = found()
+        except TypeError as problem:
+            raise InputError(f"constraint {given}: cannot be made without arguments ({problem})") from problem
+    if not isinstance(found, Constraint):
+        raise InputError(f"constraint {given}: is no constraint, derive its class from packenv.Constraint")
+    return found
+
+
+def _own(name: str, what: str) -> Any:
+    if name == OWN:
+        raise InputError(f"this plan was made with an own {what} that has no name: give the {what} again")
+    return load_extension(name, what)
+
+
+def constraints_of(
+    options: PlanOptions,
+    items: PlanningItems,
+    container: Container,
+    *,
+    margins: bool = False,
+    manipulation: ManipulationConstraint | None = None,
+) -> tuple[Constraint, ...]:
+    """The constraints that the options ask, physics left out, in the order in which they are asked.
+
+    Args:
+        options: how to plan.
+        items: every item of the order.
+        container: the box; the robot's cell depends on it.
+        margins: have the margin of every placed item in its figures, a few milliseconds each.
+        manipulation: to use again, with the grasps that it knows.
+    """
+    found: list[Constraint] = []
+    if options.constraints != "overlap":
+        rule = margin_rule(options.stability)
+        checker = StabilityChecker()
+        found.append(
+            StabilityConstraint(
+                items.fields, items.masses, checker, rule, options.contacts, with_margin=margins
+            )
+        )
+    if options.constraints == "robot":
+        cell = Cell.beside(container)
+        found.append(manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp))
+    found += [own_constraint(given).for_order(items.shapes, container) for given in options.own_constraints]
+    return tuple(found)
 
 
 def assemble(
-    choice: PlannerChoice,
-    shelf: Shelf,
+    options: PlanOptions,
+    items: PlanningItems,
     container: Container,
-    grid: GridConfig,
+    *,
+    margins: bool = False,
+    give_up: bool = False,
 ) -> Planner:
-    """The planner that a choice names.
+    """The planner that the options ask for.
 
     Args:
-        choice: what the user chose.
-        shelf: every item of the order.
-        container: the box; the robot's cell depends on it.
-        grid: the discretization that ``shelf.prepared`` was made with.
+        options: how to plan.
+        items: every item of the order.
+        container: the box.
+        margins: as for :func:`constraints_of`.
+        give_up: end at the first item that finds no place, as the paper does, instead of packing the rest.
 
     Raises:
-        ValueError: the choice asks for physics, which :mod:`packenv.physics_planning` adds.
+        InputError: an own heuristic or constraint cannot be used.
+        ValueError: the options ask for physics, which :mod:`packenv.physics_planning` adds.
     """
-    if choice.stability == "physics":
+    if options.stability == "physics":
         raise ValueError("stability is 'physics': let packenv.physics_planning make the planner")
-    constraints: list[Constraint] = []
-    if choice.constraints != "overlap":
-        masses = {name: item.mass for name, item in shelf.meshes.items()}
-        constraints.append(
-            StabilityConstraint(
-                shelf.fields,
-                masses,
-                StabilityChecker(),
-                margin_rule(choice.stability),
-                choice.contacts,
-                with_margin=choice.with_margin,
-            )
-        )
-    if choice.constraints == "robot":
-        constraints.append(ManipulationConstraint(ManipulationChecker(Cell.beside(container)), choice.grasp))
-    wider = choice.constraints != "overlap" or choice.search == "5d"
+    constraints = constraints_of(options, items, container, margins=margins)
+    levels = clearances(options.clearance, options.grid)
+    wider = bool(constraints) or options.search == "5d"
 
     def perturbed(name: str) -> Iterator[tuple[OrientedItem, ...]]:
-        return perturbations(shelf.meshes[name], shelf.prepared[name].poses, grid, container.size)
+        return perturbations(items.shapes[name], items.prepared[name].poses, options.grid, container.size)
 
-    levels = clearances(choice, grid)
-    planner = Planner(
-        HEURISTICS[choice.heuristic],
-        grid.step_cells,
-        grid.cell_size,
-        tuple(constraints),
-        perturbed if wider else None,
-        choice.search,
-        choice.max_checked,
-        choice.restarts,
-        choice.give_up,
-        choice.seed,
-        tuple(Tier(cells) for cells in levels),
-        clearance=levels[0],
+    strategy = Strategy(
+        tuple(Tier(cells) for cells in levels), restarts=options.restarts, clearance=levels[0]
     )
-    return _cautious(planner, levels) if constraints and choice.stability == "cautious" else planner
+    if options.constraints != "overlap" and options.stability == "cautious":
+        strategy = _cautious(strategy, constraints, levels, options)
+    return Planner(
+        heuristic_of(options),
+        options.grid,
+        constraints,
+        perturbed if wider else None,
+        strategy,
+        options.search,
+        options.max_checked,
+        give_up,
+        options.seed,
+    )
 
 
-def as_paper(levels: Sequence[int], constraints: Sequence[Constraint]) -> tuple[tuple[Tier, ...], ...]:
+def as_paper(
+    levels: Sequence[int], instead: Mapping[str, Constraint] | None = None
+) -> tuple[tuple[Tier, ...], ...]:
     """Last resorts of a planner that asks for more than the paper: without it, then without clearance too.
 
     Args:
         levels: of clearance, the widest first, in cells.
-        constraints: of the paper.
+        instead: constraints in place of the planner's.
     """
-    tiers = tuple(Tier(cells, constraints) for cells in levels)
+    tiers = tuple(Tier(cells, instead or {}) for cells in levels)
     # What has room to spare takes it from what comes later.
     return (tiers, tiers[-1:]) if len(tiers) > 1 else (tiers,)
 
 
-def _cautious(planner: Planner, levels: Sequence[int]) -> Planner:
-    """A planner that does without a margin only for what has no place with one once all others lie.
+def _cautious(
+    strategy: Strategy, constraints: Sequence[Constraint], levels: Sequence[int], options: PlanOptions
+) -> Strategy:
+    """Does without a margin only for what has no place with one once all others lie.
 
     An order that leaves something over is planned again with those items first, with or without a margin, and
     in the end as without this preference.
     """
-    careful = wary(planner.constraints)
+    careful = wary(constraints)
 
     def margin(cells: int) -> Tier:
         return Tier(cells, careful, each=EACH_WARY)
 
     def both(cells: int) -> tuple[Tier, Tier]:
-        return margin(cells), Tier(cells, planner.constraints)
+        return margin(cells), Tier(cells)
 
     roomy, tight = tuple(tier for cells in levels[:-1] for tier in both(cells)), both(0)
-    if planner.search == "5d":  # which knows no fallback
-        return replace(planner, tiers=(*roomy, *tight))
+    if options.search == "5d":  # which knows no fallback
+        return replace(strategy, first=(*roomy, *tight))
     return replace(
-        planner,
-        tiers=tuple(margin(cells) for cells in levels[:-1] or (0,)),
-        bold=(*roomy, *tight),
-        resort=as_paper(levels, planner.constraints),
-        passes=(roomy, tight) if roomy else (tight,),
+        strategy,
+        first=tuple(margin(cells) for cells in levels[:-1] or (0,)),
+        fallback=(roomy, tight) if roomy else (tight,),
+        again=(*roomy, *tight),
+        last_resorts=as_paper(levels),
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from packenv.planning import kernels
+from packenv.planning.constraints import Trial
 from packenv.planning.container_map import ContainerMap, PolyphaseMap
 from packenv.types import Float32Array, FloatArray, IntArray, OrientedItem
 
@@ -104,6 +105,11 @@ class Candidates:
     def __len__(self) -> int:
         """Number of candidates."""
         return len(self.z)
+
+    def trial(self, index: int) -> Trial:
+        """A candidate as the constraints want it."""
+        oriented = self.grids[self.grid_index[index]].oriented
+        return Trial(oriented, int(self.ix[index]), int(self.iy[index]), float(self.z[index]))
 
     @property
     def xy_sum(self) -> FloatArray:

@@ -1,21 +1,26 @@
 """What a constraint is to the planner: a question about one candidate on one pile.
 
 The legality of a candidate (non-overlap, containment) is the search's; what comes after it, stability and
-manipulation, are constraints that the planner is given (paper Alg. 3).
+manipulation, are constraints that the planner is given (paper Alg. 3). So is one of the user's own::
+
+    class FlatOnly(Constraint):
+        def check(self, trial, surface, state):
+            return Verdict(trial.oriented.extents[2] < 0.1, "too-tall")
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting
-from packenv.types import FloatArray, OrientedItem
+from packenv.types import Container, FloatArray, Item, OrientedItem, RobotPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +90,7 @@ class Verdict:
         details: figures for the plan, JSON-able.
         surface: the heightmap to go on with, where the constraint knows more than where the item was meant to
             be; None leaves it at that.
+        path: the robot's, where the constraint looked for one.
     """
 
     ok: bool
@@ -92,24 +98,44 @@ class Verdict:
     state: Any = None
     details: Mapping[str, object] = field(default_factory=dict)
     surface: ContainerMap | None = None
+    path: RobotPath | None = None
 
 
-class Constraint(Protocol):
-    """A condition on placements beyond non-overlap."""
+class Constraint(ABC):
+    """A condition on placements beyond non-overlap; an own one needs :meth:`check` alone."""
 
     @property
     def name(self) -> str:
-        """One word, for messages and counts."""
-        ...
+        """One word, for messages and for the figures in a plan; no two constraints of a planner share one."""
+        return type(self).__name__
+
+    def for_order(self, items: Mapping[str, Item], container: Container) -> Constraint:
+        """The constraint for one order: asked once before it is planned.
+
+        Args:
+            items: every item of the order by name, as the geometry that is planned with.
+            container: the box.
+        """
+        return self
 
     def start(self, resting: Sequence[Resting] = ()) -> Any:
         """The state of a container that holds what lies in it, at rest; empty without."""
-        ...
+        return None
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """Why no candidate at this orientation can ever pass, as a word for programs; None where one may."""
-        ...
+        return None
 
+    @abstractmethod
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
-        """Answer for a candidate on the pile that ``surface`` and ``state`` describe."""
-        ...
+        """Answer for a candidate on the pile that ``surface`` and ``state`` describe.
+
+        Args:
+            trial: the candidate.
+            surface: the container heightmap without it.
+            state: what :meth:`start`, or the verdict on the item placed before, gave.
+        """
+
+    def close(self) -> None:
+        """Free what the constraint holds; twice is fine."""
+        return

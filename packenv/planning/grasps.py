@@ -28,11 +28,11 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from packenv.planning import cup_kernels
+from packenv.planning.options import GraspRule
 from packenv.robot import gripper
 from packenv.types import FloatArray, IntArray, OrientedItem
 
 Kind: TypeAlias = Literal["centre", "flat", "rough"]
-Rule: TypeAlias = Literal["seal", "flat", "paper"]
 
 FLAT_RELIEF: Final = 0.002
 """Largest height above the best plane less the smallest, for ``flat`` and ``centre``, m."""
@@ -67,7 +67,7 @@ class Grasp:
 
 
 def generate_grasps(
-    oriented: OrientedItem, *, rule: Rule = "seal", radius: float = gripper.RADIUS, limit: int = 8
+    oriented: OrientedItem, *, rule: GraspRule = "seal", radius: float = gripper.RADIUS, limit: int = 8
 ) -> tuple[Grasp, ...]:
     """Places where the cup can take an item, the best first.
 

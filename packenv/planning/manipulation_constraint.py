@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.grasps import Grasp, Rule, generate_grasps
+from packenv.planning.grasps import Grasp, generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
-from packenv.planning.measured import Resting
-from packenv.types import OrientedItem
+from packenv.planning.options import GraspRule
+from packenv.types import OrientedItem, RobotPath
 
 
 @dataclass(frozen=True, eq=False)
-class ManipulationConstraint:
+class ManipulationConstraint(Constraint):
     """The robot can bring the item to its place from above.
 
     Attributes:
@@ -24,7 +23,7 @@ class ManipulationConstraint:
     """
 
     checker: ManipulationChecker
-    rule: Rule = "seal"
+    rule: GraspRule = "seal"
     _grasps: WeakKeyDictionary[OrientedItem, tuple[Grasp, ...]] = field(
         default_factory=WeakKeyDictionary, repr=False
     )
@@ -33,9 +32,6 @@ class ManipulationConstraint:
     def name(self) -> str:
         """One word."""
         return "manipulation"
-
-    def start(self, resting: Sequence[Resting] = ()) -> None:
-        """The robot remembers nothing of the pile; the heightmap says it all."""
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """An orientation without a graspable spot is of no use anywhere."""
@@ -56,11 +52,6 @@ class ManipulationConstraint:
         assert found.grasp is not None
         assert found.joints is not None
         assert found.lip_heights is not None
-        details = {
-            "grasp": (trial.corner + found.grasp.point).tolist(),
-            "grasp_kind": found.grasp.kind,
-            "grasps_tried": found.grasps_tried,
-            "cup_heights": found.lip_heights.tolist(),
-            "joints": found.joints.tolist(),
-        }
-        return Verdict(True, details=details)
+        grasp = trial.corner + found.grasp.point
+        path = RobotPath(grasp, found.grasp.kind, found.grasps_tried, found.lip_heights, found.joints)
+        return Verdict(True, path=path)

@@ -6,26 +6,27 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from packenv.config import GridConfig
+from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import Candidates, grid_search
-from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.constraints import Constraint
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
 from packenv.planning.measured import Resting
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.scores import Heuristic
-from packenv.planning.turns import Tier, in_tier, ranked, still_open
+from packenv.planning.sequence import Piece, Turns, pieces_of
+from packenv.planning.turns import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
-
-_ORIENTATION = "orientation-"
-"""Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -33,49 +34,55 @@ MAX_CHECKED = 100
 
 @dataclass(frozen=True, eq=False)
 class Planner:
-    """The settings of a planner; :meth:`pack` plans an order.
+    """Plans orders; close it, or use it in a ``with`` statement, for its constraints may hold a world.
 
     Attributes:
         heuristic: scores the candidates.
-        step: cells between tried translations.
-        cell_size: m.
+        grid: the discretization that the items were prepared with.
         constraints: in the order in which they are asked; none plans under non-overlap alone.
         perturbations: orientations of the fallback and of the 5D search; None has neither.
+        strategy: how careful to be, and what comes where that leaves an item without a place.
         search: ``3d`` searches the stable poses and falls back; ``5d`` searches all perturbed ones at once,
             and asks for objections to an orientation only when a candidate of it comes up: so only those
             are counted, and all legal candidates are, whether their orientation is of use or not.
         max_checked: candidates of one orientation set that are put to the constraints.
-        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
         seed: for heuristics that draw.
-        tiers: how careful to be, the most careful first; a later one is tried where an earlier one leaves no
-            packable candidate. The paper has one, without clearance.
-        bold: the tiers of a restart of an incomplete packing, in place of ``tiers``; None takes those.
-        resort: the tiers of more plans, with restarts of their own, of the sequence as it was given: one
-            after another until one has placed every item, where restarts are allowed and none did. Such a
-            plan has to place more items than those before it.
-        passes: the tiers of the fallback, one set after another: each is tried on the stable poses, its last
-            tier also on the perturbed ones. None makes one pass with ``tiers``.
-        play: height of the release above the placement, m.
-        clearance: cells that were asked for; where it is not 0, each placement tells what it got.
     """
 
     heuristic: Heuristic
-    step: int
-    cell_size: float
+    grid: GridConfig = field(default_factory=GridConfig)
     constraints: Sequence[Constraint] = ()
     perturbations: Perturbations | None = None
+    strategy: Strategy = field(default_factory=Strategy)
     search: Literal["3d", "5d"] = "3d"
     max_checked: int = MAX_CHECKED
-    restarts: int = 0
     give_up: bool = False
     seed: int = 0
-    tiers: Sequence[Tier] = (Tier(),)
-    bold: Sequence[Tier] | None = None
-    resort: Sequence[Sequence[Tier]] = ()
-    passes: Sequence[Sequence[Tier]] | None = None
-    play: float = RELEASE_HEIGHT
-    clearance: int = 0
+
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            InputError: two constraints have one name.
+        """
+        names = [constraint.name for constraint in self.constraints]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"two constraints are named {name!r}, give each a name of its own")
+
+    def __enter__(self) -> Planner:
+        """The planner."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Free what the constraints hold; the planner can be used again."""
+        for constraint in self.constraints:
+            constraint.close()
 
     def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
         """A container to start with.
@@ -104,14 +111,14 @@ class Planner:
 
         Args:
             sequence: item names, a name as often as the order has it.
-            items: every named item, prepared at ``cell_size``.
+            items: every named item, prepared for ``grid``.
             container: the box.
             start: what the container holds already; empty where None.
         """
-        given = sequence
+        strategy, given = self.strategy, sequence
         best = _Run(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
-        for k in range(self.restarts):
+        for k in range(strategy.restarts):
             late = list(last.lost)
             # Once: it costs a whole plan.
             late += last.makeshift if k == 0 else ()
@@ -120,14 +127,15 @@ class Planner:
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
-            tiers = self.tiers if self.bold is None or best.complete else self.bold
-            last = _Run(replace(self, tiers=tiers), items, container, start).pack(sequence)
+            first = strategy.first if strategy.again is None or best.complete else strategy.again
+            again = replace(self, strategy=replace(strategy, first=first))
+            last = _Run(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
-        for tiers in self.resort if self.restarts else ():
+        for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable:
                 break
-            bolder = replace(self, tiers=tiers, passes=(tiers,), bold=None, resort=())
-            found = bolder.pack(given, items, container, start)
+            resort = replace(strategy, first=tiers, fallback=(tiers,), again=None, last_resorts=())
+            found = replace(self, strategy=resort).pack(given, items, container, start)
             if len(found.placements) > len(best.placements):
                 best = found
         return best
@@ -140,14 +148,6 @@ def _goodness(packing: Packing) -> tuple[int, float]:
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
     """The paper's sequence: non-increasing bounding-box volume, then name."""
     return sorted(names, key=lambda name: (-items[name].box_volume, name))
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """What came of one call of packOneItem."""
-
-    placement: Placement | None
-    rejections: Counter[str]
 
 
 @dataclass(eq=False)
@@ -165,28 +165,35 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
-        self.empty = ContainerMap.empty(self.container, self.planner.cell_size)
-        self.pile = self.start or Pile(self.empty, tuple(c.start() for c in self.planner.constraints))
+        self.empty = ContainerMap.empty(self.container, self.planner.grid.cell_size)
+        self.pile = self.start or self.planner.pile(self.empty, ())
 
     def pack(self, sequence: Sequence[str]) -> Packing:
         """Paper Alg. 4."""
-        failed: list[tuple[str, int, _Attempt]] = []
-        pieces = list(_numbered(sequence))
+        pieces = pieces_of(sequence)
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
-        for name, instance in pieces:
-            attempt = self.first_pass(name, instance)
-            if attempt.placement is None:
-                failed.append((name, instance, attempt))
-                if self.planner.give_up and not self.fits_alone(name):
-                    return self.given_up(pieces, f"{name} does not fit the empty container")
-        leftovers = []
-        for name, instance, first in failed:
-            attempt = self.fall_back(name, instance, first)
-            if attempt.placement is None:
-                leftovers.append(self.leftover(self.items[name], instance, attempt))
-                if self.planner.give_up:
-                    return self.given_up(pieces, leftovers[0].detail)
+        turns = Turns(pieces)
+        rejections: dict[Piece, Counter[str]] = {}
+        leftovers: list[Leftover] = []
+        while (piece := turns.current) is not None:
+            if turns.stage == 0:
+                rejected = self.first_pass(piece)
+                if rejected is not None:
+                    rejections[piece] = rejected
+                    if self.planner.give_up and not self.fits_alone(piece.item):
+                        return self.given_up(pieces, f"{piece.item} does not fit the empty container")
+                    turns.defer()
+                    continue
+            else:
+                rejected = self.fall_back(piece, rejections[piece])
+                if rejected is not None:
+                    leftovers.append(self.leftover(self.items[piece.item], piece, rejected))
+                    if self.planner.give_up:
+                        return self.given_up(pieces, leftovers[0].detail)
+                    turns.give_up()
+                    continue
+            turns.placed()
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(
@@ -199,9 +206,9 @@ class _Run:
             self.risk,
         )
 
-    def given_up(self, pieces: Sequence[tuple[str, int]], why: str) -> Packing:
+    def given_up(self, pieces: Sequence[Piece], why: str) -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
-        lost = tuple(Leftover(name, instance, "given-up", why) for name, instance in pieces)
+        lost = tuple(Leftover(piece.item, piece.instance, "given-up", why) for piece in pieces)
         return Packing(self.container, (), lost, (), 0.0)
 
     def fits_alone(self, name: str) -> bool:
@@ -210,180 +217,123 @@ class _Run:
         groups: Iterable[Sequence[OrientedItem]] = [self.items[name].orientations]
         if planner.perturbations is not None:
             groups = itertools.chain(groups, planner.perturbations(name))
-        return any(len(grid_search(self.empty, group, planner.step)) for group in groups if group)
+        return any(self.fits(group) for group in groups if group)
 
-    def first_pass(self, name: str, instance: int) -> _Attempt:
+    def fits(self, orientations: Sequence[OrientedItem]) -> bool:
+        """Whether one of them has a place in the empty container."""
+        return bool(len(grid_search(self.empty, orientations, self.planner.grid.step_cells)))
+
+    def first_pass(self, piece: Piece) -> Counter[str] | None:
         """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""
         planner = self.planner
         if planner.search == "5d" and planner.perturbations is not None:
-            groups = [*planner.perturbations(name)]
-            return self.attempt(name, instance, [o for group in groups for o in group], "5d")
-        return self.attempt(name, instance, self.items[name].orientations, "first-pass")
+            groups = [*planner.perturbations(piece.item)]
+            return self.attempt(piece, [o for group in groups for o in group], "5d")
+        return self.attempt(piece, self.items[piece.item].orientations, "first-pass")
 
-    def fall_back(self, name: str, instance: int, first: _Attempt) -> _Attempt:
+    def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
-        planner = self.planner
+        planner, strategy = self.planner, self.planner.strategy
         if planner.perturbations is None or planner.search == "5d":
-            return first
-        rejections = Counter(first.rejections)
-        for tiers in planner.passes or (planner.tiers,):
-            for k, group in enumerate(planner.perturbations(name)):
+            return rejections
+        for tiers in strategy.fallback or (strategy.first,):
+            for k, group in enumerate(planner.perturbations(piece.item)):
                 route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
-                attempt = self.attempt(name, instance, group, route, rejections, asked)
-                if attempt.placement is not None:
-                    return attempt
-                rejections = attempt.rejections
-        return _Attempt(None, rejections)
+                rejected = self.attempt(piece, group, route, rejections, asked)
+                if rejected is None:
+                    return None
+                rejections = rejected
+        return rejections
 
     def attempt(
         self,
-        name: str,
-        instance: int,
+        piece: Piece,
         orientations: Sequence[OrientedItem],
         route: str,
         rejections: Counter[str] | None = None,
         tiers: Sequence[Tier] | None = None,
-    ) -> _Attempt:
-        """PackOneItem (Alg. 3); the pile becomes the new one where it succeeds."""
-        counts = Counter(rejections or ())
-        lazily = self.planner.search == "5d"
-        asked: dict[OrientedItem, bool] = {}
-        possible = orientations if lazily else [o for o in orientations if not self.objected(o, counts)]
+    ) -> Counter[str] | None:
+        """PackOneItem (Alg. 3): the item is placed, and None returned, or all rejections so far."""
+        planner = self.planner
+        inquiry = Inquiry(planner.constraints, self.pile, rejections=rejections)
+        possible = orientations if planner.search == "5d" else inquiry.possible(orientations)
         if not possible:
-            return _Attempt(None, counts)
-        known: dict[tuple[int, int, int, int], Verdict] = {}
-        for tier in tiers or self.planner.tiers:
+            return inquiry.rejections
+        for tier in tiers or planner.strategy.first:
             candidates = grid_search(
-                self.pile.surface, possible, self.planner.step, tier.clearance, self.planner.play
+                self.pile.surface, possible, planner.grid.step_cells, tier.clearance, RELEASE_HEIGHT
             )
-            if not len(candidates):
-                continue
-            placement = self.among(
-                candidates, tier, name, instance, route, counts, asked if lazily else None, known
-            )
-            if placement is not None:
-                return _Attempt(placement, counts)
-        return _Attempt(None, counts)
+            if len(candidates) and self.among(candidates, tier, piece, route, inquiry):
+                return None
+        return inquiry.rejections
 
-    def among(
-        self,
-        candidates: Candidates,
-        tier: Tier,
-        name: str,
-        instance: int,
-        route: str,
-        counts: Counter[str],
-        asked: dict[OrientedItem, bool] | None,
-        known: dict[tuple[int, int, int, int], Verdict],
-    ) -> Placement | None:
+    def among(self, candidates: Candidates, tier: Tier, piece: Piece, route: str, inquiry: Inquiry) -> bool:
         """Place the first candidate, in order of score, that no constraint refuses.
 
         Args:
             candidates: the legal ones.
             tier: which constraints are asked.
-            name: of the item.
-            instance: of the item.
+            piece: of the order.
             route: for the record.
-            counts: rejections by reason so far; grows.
-            asked: as in :meth:`turns`; None where all objections have been asked for.
-            known: answers of earlier tiers on the same pile, by constraint and candidate; grows.
+            inquiry: knows the answers of earlier tiers on the same pile.
         """
-        scores = self.planner.heuristic(candidates, self.rng)
-        constraints = self.planner.constraints if tier.constraints is None else tier.constraints
-        in_turn = (
-            in_tier(candidates, scores, tier, self.most(tier), still_open(candidates, constraints, known))
-            if asked is None
-            else self.turns(candidates, scores, counts, asked)
-        )
+        planner = self.planner
+        scores = planner.heuristic(candidates, self.rng)
+        rules = tier.rules(planner.constraints)
+        in_turn: Iterable[int]
+        if planner.search == "5d":
+            in_turn = self.turns(candidates, scores, inquiry)
+        else:
+            free = still_open(candidates, inquiry.refused(rules))
+            in_turn = in_tier(candidates, scores, tier, self.most(tier), free)
         for index in in_turn:
-            trial = _trial(candidates, index)
-            states: list[Any] = []
-            details: dict[str, object] = {}
-            surface: ContainerMap | None = None
-            for constraint, state in zip(constraints, self.pile.states, strict=True):
-                question = (id(constraint), id(trial.oriented), trial.ix, trial.iy)
-                verdict = known.get(question)
-                if verdict is None:
-                    verdict = known[question] = constraint.check(trial, self.pile.surface, state)
-                    if not verdict.ok:
-                        counts[verdict.reason] += 1
-                if not verdict.ok:
-                    break
-                states.append(verdict.state)
-                surface = verdict.surface or surface
-                details[constraint.name] = dict(verdict.details)
-            else:
-                if self.planner.clearance:
-                    details["clearance_m"] = round(tier.clearance * self.planner.cell_size, 6)
-                placement = Placement(
-                    item=name,
-                    instance=instance,
-                    rotation=trial.oriented.rotation,
-                    position=trial.position,
-                    corner=trial.corner,
-                    extents=trial.oriented.extents,
-                    pose_index=trial.oriented.pose_index,
-                    yaw=trial.oriented.yaw,
-                    score=float(scores[index]),
-                    candidates=len(candidates),
-                    route=route,
-                    checked=sum(n for r, n in counts.items() if not r.startswith(_ORIENTATION)) + 1,
-                    rejections=dict(counts),
-                    details=details,
-                )
-                if surface is None:
-                    surface = self.pile.surface.with_item(trial.oriented, trial.ix, trial.iy, trial.z)
-                self.pile = Pile(surface, tuple(states))
-                self.placements.append(placement)
-                self.surfaces.append(surface)
-                if tier.risk:
-                    self.makeshift.append(name)
-                    self.risk += tier.risk
-                return placement
-        return None
-
-    def objected(self, oriented: OrientedItem, counts: Counter[str]) -> bool:
-        """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""
-        for constraint in self.planner.constraints:
-            reason = constraint.objection(oriented)
-            if reason is not None:
-                counts[f"{_ORIENTATION}{reason}"] += 1
-                return True
+            trial = candidates.trial(index)
+            answer = inquiry.ask(trial, rules)
+            if not answer.ok:
+                continue
+            notes = {}
+            if planner.strategy.clearance:
+                notes["clearance_m"] = round(tier.clearance * planner.grid.cell_size, 6)
+            rejected = sum(
+                n for reason, n in inquiry.rejections.items() if not reason.startswith(ORIENTATION)
+            )
+            placement, self.pile = place(
+                piece,
+                trial,
+                inquiry,
+                answer.verdicts,
+                score=float(scores[index]),
+                candidates=len(candidates),
+                route=route,
+                checked=rejected + 1,
+                notes=notes,
+            )
+            self.placements.append(placement)
+            self.surfaces.append(self.pile.surface)
+            if tier.risk:
+                self.makeshift.append(piece.item)
+                self.risk += tier.risk
+            return True
         return False
 
-    def turns(
-        self,
-        candidates: Candidates,
-        scores: FloatArray,
-        counts: Counter[str],
-        asked: dict[OrientedItem, bool],
-    ) -> Iterator[int]:
+    def turns(self, candidates: Candidates, scores: FloatArray, inquiry: Inquiry) -> Iterator[int]:
         """As :meth:`ranked`, but whole orientations are ruled out only when a candidate of theirs comes up.
 
         Of the hundreds of orientations of the 5D search, few own one of the best candidates, and an
         objection can cost more than the search itself.
-
-        Args:
-            candidates: the legal ones.
-            scores: theirs.
-            counts: rejections by reason so far; grows.
-            asked: whether an orientation has been objected to; grows.
         """
         left = np.arange(len(scores))
         taken, batch = 0, self.planner.max_checked
         while len(left):
             best = left[ranked(scores[left], batch)]
             for index in best:
-                oriented = candidates.grids[candidates.grid_index[index]].oriented
-                if oriented not in asked:
-                    asked[oriented] = self.objected(oriented, counts)
-                if asked[oriented]:
+                if inquiry.objected(candidates.grids[candidates.grid_index[index]].oriented):
                     continue
                 yield int(index)
                 taken += 1
                 if taken == self.planner.max_checked:
                     return
-            barred = np.array([asked.get(grid.oriented, False) for grid in candidates.grids])
+            barred = np.array([inquiry.was_objected(grid.oriented) for grid in candidates.grids])
             keep = ~barred[candidates.grid_index]
             keep[best] = False
             left = left[keep[left]]
@@ -395,49 +345,23 @@ class _Run:
             return 1
         return tier.max_checked or self.planner.max_checked
 
-    def leftover(self, item: PreparedItem, instance: int, attempt: _Attempt) -> Leftover:
+    def leftover(self, item: PreparedItem, piece: Piece, rejections: Mapping[str, int]) -> Leftover:
         """Why an item is not in the plan."""
         box = self.container.label
-        rejections = dict(attempt.rejections)
-        fitting = [o for o in item.orientations if len(grid_search(self.empty, [o], self.planner.step))]
-        if fitting and all(self.objected(o, Counter()) for o in fitting):
+        fitting = [oriented for oriented in item.orientations if self.fits([oriented])]
+        if fitting and all(objection(self.planner.constraints, o) is not None for o in fitting):
+            reason = "no-graspable-spot"
             detail = f"{item.name} has no graspable spot in any stable pose that fits"
-            return Leftover(item.name, instance, "no-graspable-spot", detail, rejections)
-        if any(not reason.startswith(_ORIENTATION) for reason in rejections):
+        elif any(not reason.startswith(ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
+            reason = "no-packable-candidate"
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
-            return Leftover(item.name, instance, "no-packable-candidate", detail, rejections)
-        if fitting:
+        elif fitting:
+            reason = "no-legal-candidate"
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
-            return Leftover(item.name, instance, "no-legal-candidate", detail, rejections)
-        tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
-        size = " x ".join(f"{e:.3f}" for e in tightest)
-        detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
-        return Leftover(item.name, instance, "larger-than-container", detail)
-
-
-def _trial(candidates: Candidates, index: int) -> Trial:
-    oriented = candidates.grids[candidates.grid_index[index]].oriented
-    return Trial(oriented, int(candidates.ix[index]), int(candidates.iy[index]), float(candidates.z[index]))
-
-
-def _numbered(sequence: Sequence[str]) -> Iterator[tuple[str, int]]:
-    """Each name with how often it has come up so far, itself included."""
-    seen: Counter[str] = Counter()
-    for name in sequence:
-        seen[name] += 1
-        yield name, seen[name]
-
-
-def pack(
-    sequence: Sequence[str],
-    items: Mapping[str, PreparedItem],
-    container: Container,
-    heuristic: Heuristic,
-    *,
-    cell_size: float,
-    step: int,
-    seed: int = 0,
-) -> Packing:
-    """Plan under the non-overlap constraints alone: :class:`Planner` without constraints."""
-    return Planner(heuristic, step, cell_size, seed=seed).pack(sequence, items, container)
+        else:
+            tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
+            size = " x ".join(f"{e:.3f}" for e in tightest)
+            reason, rejections = "larger-than-container", {}
+            detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
+        return Leftover(item.name, piece.instance, reason, detail, dict(rejections))

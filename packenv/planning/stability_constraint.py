@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
-from packenv.planning.constraints import Details, Trial, Verdict
+from packenv.planning.constraints import Constraint, Details, Trial, Verdict
 from packenv.planning.contact_patches import thin, tighten
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.measured import Resting
+from packenv.planning.options import ContactRule
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.stability import StabilityChecker, StabilityResult
-from packenv.types import Contacts, Container, FloatArray, OrientedItem
+from packenv.types import Contacts, Container, FloatArray
 
-ContactRule: TypeAlias = Literal["surface", "paper"]
 ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
 
 
@@ -63,7 +63,7 @@ class PileState:
 
 
 @dataclass(frozen=True, eq=False)
-class StabilityConstraint:
+class StabilityConstraint(Constraint):
     """Every item of the pile in static equilibrium (paper Sec. III-A).
 
     Attributes:
@@ -95,10 +95,6 @@ class StabilityConstraint:
         """What lies at rest is taken as ground, like the floor: it proved that it stands."""
         ground = tuple(Body(self.fields[p.item.name], p.rotation, p.position) for p in resting)
         return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground))
-
-    def objection(self, oriented: OrientedItem) -> str | None:
-        """None: what stands depends on the pile."""
-        return None
 
     def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
         """Whether the pile stands with the candidate placed."""

@@ -1,14 +1,15 @@
-"""Whose turn it is: which candidates are put to the constraints, and in which sequence."""
+"""How careful a planner is: which candidates are put to which constraints, and what comes if that fails."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from packenv.planning.candidates import Candidates
-from packenv.planning.constraints import Constraint, Verdict
+from packenv.planning.constraints import Constraint
+from packenv.planning.inquiry import Question
 from packenv.types import FloatArray, IntArray
 
 
@@ -18,7 +19,7 @@ class Tier:
 
     Attributes:
         clearance: cells by which the item may be off sideways at the release and still meet nothing.
-        constraints: asked in place of the planner's, one for each and on the same states; None asks those.
+        instead: constraints that are asked in place of the planner's of the same name, on the same states.
         max_checked: as the planner's, in its place; None takes that.
         each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
             and one failure there tells of the rest. None takes them as they come.
@@ -27,10 +28,39 @@ class Tier:
     """
 
     clearance: int = 0
-    constraints: Sequence[Constraint] | None = None
+    instead: Mapping[str, Constraint] = field(default_factory=dict)
     max_checked: int | None = None
     each: int | None = None
     risk: float = 0.0
+
+    def rules(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+        """The constraints that this tier asks, one for each of the planner's."""
+        return tuple(self.instead.get(constraint.name, constraint) for constraint in constraints)
+
+
+@dataclass(frozen=True, eq=False)
+class Strategy:
+    """What a planner tries, the most careful first.
+
+    Attributes:
+        first: tiers of the first pass; a later one is tried where an earlier one leaves no packable candidate.
+            The paper has one, without clearance.
+        fallback: tiers of the fallback, one set after another: each is tried on the stable poses, its last
+            tier also on the perturbed ones. None makes one pass with those of the first.
+        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        again: tiers of the first pass of such a restart while the packing is incomplete; None takes ``first``.
+        last_resorts: tiers of more plans, with restarts of their own, of the sequence as it was given: one
+            after another until one has placed every item, where restarts are allowed and none did. Such a
+            plan has to place more items than those before it.
+        clearance: cells that were asked for; where it is not 0, each placement tells what it got.
+    """
+
+    first: Sequence[Tier] = (Tier(),)
+    fallback: Sequence[Sequence[Tier]] | None = None
+    restarts: int = 0
+    again: Sequence[Tier] | None = None
+    last_resorts: Sequence[Sequence[Tier]] = ()
+    clearance: int = 0
 
 
 def in_tier(
@@ -70,22 +100,13 @@ def ranked(scores: FloatArray, most: int) -> IntArray:
     return order
 
 
-def still_open(
-    candidates: Candidates,
-    constraints: Sequence[Constraint],
-    known: Mapping[tuple[int, int, int, int], Verdict],
-) -> IntArray:
-    """Indices of the candidates that none of the constraints has refused yet, ascending."""
-    asked = {id(constraint) for constraint in constraints}
-    number = {id(grid.oriented): k for k, grid in enumerate(candidates.grids)}
-    refused = [
-        (number[oriented], ix, iy)
-        for (constraint, oriented, ix, iy), verdict in known.items()
-        if not verdict.ok and constraint in asked and oriented in number
-    ]
-    if not refused:
+def still_open(candidates: Candidates, refused: Iterable[Question]) -> IntArray:
+    """Indices of the candidates that are not among the refused ones, ascending."""
+    number = {grid.oriented.rotation.tobytes(): k for k, grid in enumerate(candidates.grids)}
+    places = [(number[rotation], ix, iy) for rotation, ix, iy in refused if rotation in number]
+    if not places:
         return np.arange(len(candidates))
-    side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(r[1:]) for r in refused)))
+    side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(p[1:]) for p in places)))
     codes = (candidates.grid_index * side + candidates.ix) * side + candidates.iy
-    barred = [(k * side + ix) * side + iy for k, ix, iy in refused]
+    barred = [(k * side + ix) * side + iy for k, ix, iy in places]
     return np.flatnonzero(~np.isin(codes, barred))

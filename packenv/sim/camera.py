@@ -5,32 +5,15 @@ Poses are only read, never set, so a recorded run is bit for bit the run without
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pybullet
 
 from packenv.robot.tx90_data import LOWER
 from packenv.sim.world import World
-from packenv.types import FloatArray, Pose
+from packenv.types import Frame
 
 _STILL_JOINT = 1e-3
 _STILL_ITEM = 2e-4
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """One moment of an execution.
-
-    Attributes:
-        time: simulated, s.
-        joints: (6,) of the robot, rad; None where there is none.
-        poses: (3, 3) and (3,) of the mesh frame of every item that is there, in packing sequence, m.
-    """
-
-    time: float
-    joints: FloatArray | None
-    poses: tuple[Pose, ...]
 
 
 class Recorder:

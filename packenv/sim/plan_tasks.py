@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,25 +26,16 @@ def task_of(placement: Placement, item: PhysicsItem, container: Container) -> Pl
     Raises:
         PlanError: the stated path is not one.
     """
-    stated = placement.details.get("manipulation")
-    if not isinstance(stated, Mapping):
+    path = placement.path
+    if path is None:
         lift = max(container.height + RIM_CLEARANCE - float(placement.corner[2]), RELEASE_HEIGHT)
         heights = np.array([lift, RELEASE_HEIGHT, 0.0])
         return PlacementTask(item, placement.rotation, placement.position, None, heights)
     try:
-        joints = np.asarray(stated["joints"], dtype=np.float64).reshape(-1, 6)
-        heights = np.asarray(stated["cup_heights"], dtype=np.float64).reshape(len(joints))
-    except (KeyError, TypeError, ValueError):
-        joints, heights = np.empty((0, 6)), np.empty(0)
-    if len(joints) < 3 or not (np.isfinite(joints).all() and np.isfinite(heights).all()):
-        raise PlanError(
-            f"{placement.item}: details.manipulation tells no path of three or more waypoints, plan again"
-        )
-    try:
-        refine(joints)
+        refine(path.joints)
     except ValueError as problem:
         raise PlanError(f"{placement.item}: details.manipulation: {problem}, plan again") from None
-    return PlacementTask(item, placement.rotation, placement.position, joints, heights)
+    return PlacementTask(item, placement.rotation, placement.position, path.joints, path.cup_heights)
 
 
 def run_tasks(

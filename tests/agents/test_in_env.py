@@ -12,8 +12,9 @@ import pytest
 import agents
 from agents.planner import PlannerAgent
 from agents.protocol import Agent
-from packenv.config import GridConfig, PackConfig
+from packenv.config import GridConfig
 from packenv.env import PackEnv
+from packenv.env_config import PackConfig
 from packenv.io.catalogues import open_catalogue
 from packenv.io.item_cache import ItemCache
 from packenv.observation import FEATURES, HEURISTIC_COLUMNS

@@ -18,7 +18,8 @@ from agents.running import (
     episode_jobs,
     run_episodes,
 )
-from packenv.config import GridConfig, PackConfig
+from packenv.config import GridConfig
+from packenv.env_config import PackConfig
 from packenv.errors import InputError
 
 CONFIG = PackConfig(

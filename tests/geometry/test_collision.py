@@ -14,8 +14,7 @@ import manifold3d
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from packenv.geometry.collision import (
     DEFAULT_CLEARANCE,

@@ -12,8 +12,7 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import signed_volume

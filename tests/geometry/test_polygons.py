@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from packenv.errors import MeshError
 from packenv.geometry.polygons import MAX_CORNERS, least_area_cut, triangulated

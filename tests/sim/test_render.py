@@ -7,8 +7,7 @@ import gc
 import numpy as np
 import pybullet
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from packenv.errors import InputError

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from packenv.stage import Turns, pieces_of
+from packenv.planning.sequence import Turns, pieces_of
 
 
 def names(turns: Turns) -> list[str]:

@@ -1,0 +1,336 @@
+"""Every option of planning, once: flags, plan files, the environment and the documentation read them here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+
+from packenv.config import GridConfig
+from packenv.errors import InputError, nearest
+from packenv.extensions import extension_name, is_extension
+
+if TYPE_CHECKING:  # what these import takes longer than the command line's help may
+    from packenv.planning.constraints import Constraint
+    from packenv.planning.scores import Heuristic
+
+HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "random"]
+Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
+StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
+ContactRule: TypeAlias = Literal["surface", "paper"]
+GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
+Search: TypeAlias = Literal["3d", "5d"]
+Sequencing: TypeAlias = Literal["volume", "given"]
+Geometry: TypeAlias = Literal["mesh", "parts"]
+"""What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
+
+OWN = "<own>"
+"""Stands in a file for an own heuristic or constraint that no module's name leads to, such as a lambda."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What an option may be.
+
+    Attributes:
+        meaning: one sentence for people.
+        words: the values, where it is one of some words; a heuristic may be ``module:name`` as well.
+        whole: a whole number, else any; None where it is no number.
+        least: smallest value.
+        most: largest value.
+        optional: None is a value, too.
+    """
+
+    meaning: str
+    words: tuple[str, ...] = ()
+    whole: bool | None = None
+    least: float = 0
+    most: float = math.inf
+    optional: bool = False
+
+    @property
+    def right(self) -> str:
+        """What would be right, for messages and tables."""
+        if self.words:
+            return f"one of {', '.join(self.words)}"
+        kind = "a whole number" if self.whole else "a number"
+        top = f" to {self.most:g}" if self.most < math.inf else " up"
+        return f"{kind} from {self.least:g}{top}" + (", or none" if self.optional else "")
+
+    def check(self, name: str, value: object) -> None:
+        """Refuse a wrong value.
+
+        Raises:
+            InputError: it is wrong.
+        """
+        if value is None and self.optional:
+            return
+        if self.words:
+            ok = isinstance(value, str) and value in self.words
+        else:
+            kinds = int if self.whole else (int, float)
+            ok = isinstance(value, kinds) and not isinstance(value, bool) and self.least <= value <= self.most
+        if not ok:
+            hint = nearest(value, self.words) if isinstance(value, str) else ""
+            raise InputError(f"{name} is {value!r:.60}, give {self.right}{hint}")
+
+
+def _words(kind: Any, default: str | None, meaning: str, *, optional: bool = False) -> Any:
+    return field(default=default, metadata={"rule": Rule(meaning, get_args(kind), optional=optional)})
+
+
+def _number(default: float | None, meaning: str, *, whole: bool = False, **limits: Any) -> Any:
+    return field(default=default, metadata={"rule": Rule(meaning, whole=whole, **limits)})
+
+
+_GRID = {
+    "cell_size": Rule("side of a heightmap cell, m", whole=False, least=2e-4, most=0.05),
+    "grid_step": Rule("distance between tried translations, m; a multiple of cell_size", whole=False),
+    "n_poses": Rule("stable poses tried, the most probable first", whole=True, least=1),
+    "n_yaws": Rule("yaws tried for each pose, evenly over half a turn", whole=True, least=1),
+}
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """How to plan.
+
+    Attributes:
+        heuristic: how candidates are ranked: a name, an own one as ``module:name``, or a function
+            (:mod:`packenv.planning.scores`).
+        tie_break: c of ``hm`` and ``dblf``: weight of X + Y; None takes what measured best, the paper: 1.
+        constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
+        own_constraints: further ones, each an object or ``module:name``.
+        stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
+            while all others are held, and what has no such place goes last; ``margin``: the whole pile also
+            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
+        contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
+        grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
+            flat spots alone; ``paper``: the centre of the top surface, whatever is there.
+        search: ``3d`` with the fallback, or ``5d`` at once.
+        sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
+        restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        max_checked: the paper's N.
+        clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
+            whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
+        rehearse: in how many worlds the plan is carried out before it is given out
+            (:mod:`packenv.rehearsal`).
+        geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
+            None takes ``parts`` where physics is asked, see :attr:`shape`.
+        seed: for heuristics that draw.
+        grid: the discretization.
+    """
+
+    heuristic: str | Heuristic = field(
+        default="hm", metadata={"rule": Rule("how candidates are ranked", get_args(HeuristicName))}
+    )
+    tie_break: float | None = _number(
+        None, "c of hm and dblf: weight of X + Y; none: what measured best, the paper: 1", optional=True
+    )
+    constraints: Constraints = _words(
+        Constraints,
+        "robot",
+        "what a placement must meet: no overlap; also force balance of the pile; also a way for the robot to "
+        "bring it there",
+    )
+    own_constraints: Sequence[str | Constraint] = ()
+    stability: StabilityRule = _words(
+        StabilityRule,
+        "cautious",
+        "equilibrium; that, and rather what also stands under gravity tilted by 8 degrees with a friction of "
+        "0.25; only what does; or equilibrium and a drop in physics, after which the item must lie where it "
+        "was planned",
+    )
+    contacts: ContactRule = _words(
+        ContactRule,
+        "surface",
+        "contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items scaled by 1.03 "
+        "overlap",
+    )
+    grasp: GraspRule = _words(
+        GraspRule,
+        "seal",
+        "where the vacuum cup may take an item: where it seals (a rough spot where there is no flat one), flat "
+        "spots alone, or the centre of the top surface whatever is there",
+    )
+    search: Search = _words(
+        Search, "3d", "stable poses first and perturbed ones as the fallback, or all at once"
+    )
+    sequence: Sequencing = _words(
+        Sequencing, "volume", "by non-increasing bounding-box volume, or as the order gives it"
+    )
+    restarts: int = _number(
+        3,
+        "plan an incomplete order up to N times again with its leftovers first; none with several boxes",
+        whole=True,
+    )
+    max_checked: int = _number(
+        100, "candidates of one item that are put to the constraints", whole=True, least=1, most=100_000
+    )
+    clearance: float = _number(
+        0.0,
+        "how far an item may be off sideways at the release and still meet nothing, m; less where it would "
+        "leave an item without a place",
+        most=0.05,
+    )
+    rehearse: int = _number(
+        0,
+        "carry the plan out in N simulated worlds, the nominal one and N - 1 disturbed ones in which the robot "
+        "feels contacts, and plan otherwise where it fails",
+        whole=True,
+        most=100,
+    )
+    geometry: Geometry | None = _words(
+        Geometry,
+        None,
+        "plan on the meshes, or on meshes together with the convex parts that stand for them in physics; by "
+        "itself mesh, and parts with stability physics or rehearsals",
+        optional=True,
+    )
+    seed: int = _number(0, "for heuristics that draw", whole=True, most=2**64 - 1)
+    grid: GridConfig = field(default_factory=GridConfig)
+
+    def __post_init__(self) -> None:
+        """Check every value, and that they go together.
+
+        Raises:
+            InputError: one is wrong, or two contradict each other.
+        """
+        for name, rule in rules().items():
+            value = getattr(self, name)
+            if name == "heuristic" and (not isinstance(value, str) or is_extension(value) or value == OWN):
+                if not isinstance(value, str) and not callable(value):
+                    raise InputError(
+                        f"heuristic is {value!r:.60}, give {rule.right}, my_module:my_rule or a function"
+                    )
+                continue
+            rule.check(name, value)
+        for given in self.own_constraints:
+            if not _is_constraint(given):
+                raise InputError(
+                    f"own_constraints has {given!r:.60}, give my_module:MyRule or an object of a class that is "
+                    "derived from packenv.Constraint"
+                )
+        if self.stability == "physics" and self.constraints == "overlap":
+            raise InputError(
+                "stability physics: needs force balance, which constraints overlap leaves out; "
+                "give constraints stability or robot"
+            )
+        if self.asks_physics and self.geometry == "mesh":
+            asks = "stability physics" if self.stability == "physics" else f"rehearse {self.rehearse}"
+            raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")
+
+    @property
+    def asks_physics(self) -> bool:
+        """Whether planning needs the physics engine."""
+        return self.stability == "physics" or self.rehearse > 0
+
+    @property
+    def shape(self) -> Geometry:
+        """What is planned with."""
+        return self.geometry or ("parts" if self.asks_physics else "mesh")
+
+    @classmethod
+    def paper(cls, **others: Any) -> PlanOptions:
+        """Every parameter as the paper has it (Sec. V), but for those that are given."""
+        return cls(**{**PAPER, **others})
+
+    @classmethod
+    def from_mapping(cls, settings: Mapping[str, object], where: str = "the options") -> PlanOptions:
+        """Read options as JSON has them; what is left out keeps its default.
+
+        Args:
+            settings: by name, the grid's four numbers among them.
+            where: what they are of, for messages.
+
+        Raises:
+            InputError: a name is unknown, or a value is wrong.
+        """
+        known = option_names()
+        for key in settings:
+            if key not in known:
+                hint = nearest(str(key), known) or f"; the options are {', '.join(known)}"
+                raise InputError(f"{where}: there is no option {str(key)!r:.60}{hint}")
+        values: dict[str, Any] = {key: value for key, value in settings.items() if key not in _GRID}
+        if "own_constraints" in values:
+            given = values["own_constraints"]
+            if not isinstance(given, Sequence) or isinstance(given, str):
+                raise InputError(
+                    f"{where}: own_constraints is {given!r:.60}, give a list of my_module:MyRule"
+                )
+            values["own_constraints"] = tuple(given)
+        try:
+            for name, rule in _GRID.items():
+                if name in settings:
+                    rule.check(name, settings[name])
+            grid: dict[str, Any] = {name: settings[name] for name in _GRID if name in settings}
+            return cls(**values, grid=GridConfig(**grid))
+        except InputError as problem:
+            raise InputError(f"{where}: {problem}") from None
+
+    def to_mapping(self) -> dict[str, object]:
+        """The options as JSON has them: :meth:`from_mapping` makes equal ones of it.
+
+        An own heuristic or constraint is its ``module:name``; ``<own>`` where no such name leads to it.
+        """
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "grid"}
+        values["heuristic"] = heuristic_label(self.heuristic)
+        values["own_constraints"] = [constraint_label(given) for given in self.own_constraints]
+        values["geometry"] = self.shape
+        return {**values, **{name: getattr(self.grid, name) for name in _GRID}}
+
+
+PAPER: Mapping[str, Any] = {
+    "heuristic": "hm",
+    "tie_break": 1.0,
+    "constraints": "robot",
+    "stability": "paper",
+    "contacts": "paper",
+    "grasp": "paper",
+    "search": "3d",
+    "sequence": "volume",
+    "restarts": 0,
+    "max_checked": 100,
+    "clearance": 0.0,
+    "rehearse": 0,
+    "geometry": "mesh",
+    "grid": GridConfig(cell_size=0.002, grid_step=0.01, n_poses=4, n_yaws=4),
+}
+"""The paper's choices, where it made one."""
+
+PRESETS: Mapping[str, Callable[..., PlanOptions]] = {"default": PlanOptions, "paper": PlanOptions.paper}
+"""Options by one word."""
+
+
+def rules() -> dict[str, Rule]:
+    """What each option of :class:`PlanOptions` may be, the grid and own constraints left out."""
+    return {f.name: f.metadata["rule"] for f in fields(PlanOptions) if "rule" in f.metadata}
+
+
+def option_names() -> tuple[str, ...]:
+    """Names of all options as a plan file has them."""
+    return (*(f.name for f in fields(PlanOptions) if f.name != "grid"), *_GRID)
+
+
+def heuristic_label(heuristic: str | Heuristic) -> str:
+    """The name of a heuristic in files and messages."""
+    if isinstance(heuristic, str):
+        return heuristic
+    from packenv.planning.scores import name_of
+
+    name = name_of(heuristic)
+    return (extension_name(heuristic) or OWN) if name == "own" else name
+
+
+def constraint_label(constraint: str | Constraint) -> str:
+    """The name of an own constraint in files and messages: that of its class, if it is made without arguments."""
+    return constraint if isinstance(constraint, str) else OWN
+
+
+def _is_constraint(given: object) -> bool:
+    if isinstance(given, str):
+        return is_extension(given) or given == OWN
+    from packenv.planning.constraints import Constraint
+
+    return isinstance(given, Constraint)
