@@ -124,7 +124,7 @@ class Player:
         self.env = PackEnv({"catalogue": catalogue, **MODES[mode]})
         self.seed = 0
         for name in open_catalogue(catalogue).names:
-            self.env._shelf.prepared(name)
+            self.env._shelf.prepared[name]
         self.play(3)
 
     def play(self, steps: int, *, bar: str | None = None) -> dict[str, list[float]]:

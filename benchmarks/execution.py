@@ -43,13 +43,14 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.orders import fitting, random_orders
-from benchmarks.physics_shelf import PhysicsShelf, load_physics_shelf
+from benchmarks.shelf import open_shelf
+from packenv import api
 from packenv.config import GridConfig
 from packenv.io.assets import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
-from packenv.physics_planning import CAREFUL, STRICT, make_planner
-from packenv.planning.assembly import PlannerChoice
-from packenv.planning.packer import by_box_volume
+from packenv.io.shelves import ItemShelf
+from packenv.physics_planning import CAREFUL, STRICT
+from packenv.planning.options import PlanOptions
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask, Way
 from packenv.sim.drop_test import DropTest, Lying
@@ -58,14 +59,14 @@ from packenv.sim.rest import RestWatch
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.sim.world import World
-from packenv.types import Container
+from packenv.types import Container, Order
 
 GRID = GridConfig()
 CONFIG = ExecutionConfig()
 RULES = {
-    "paper": PlannerChoice(stability="paper"),
-    "cautious": PlannerChoice(stability="cautious"),
-    "physics": PlannerChoice(stability="physics", clearance=0.01),
+    "paper": PlanOptions(geometry="parts", stability="paper"),
+    "cautious": PlanOptions(geometry="parts", stability="cautious"),
+    "physics": PlanOptions(geometry="parts", stability="physics", clearance=0.01),
 }
 PARTS: tuple[tuple[type, str, str], ...] = (
     (World, "step", "engine steps"),
@@ -132,13 +133,12 @@ def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - start, result
 
 
-def plan(choice: PlannerChoice, order: Sequence[str], shelf: PhysicsShelf, box: Container) -> Any:
+def plan(options: PlanOptions, order: Sequence[str], shelf: ItemShelf, box: Container) -> Any:
     """Tasks of the plan of an order; None where items are left over."""
-    planner = make_planner(choice, shelf.plan, box, GRID, shelf.physics, CONFIG.world)
-    packing = planner.pack(by_box_volume(order, shelf.plan.prepared), shelf.plan.prepared, box)
-    if not packing.complete:
+    made = api.plan(Order.of(*order), box, shelf, options, margins=False)
+    if not made.complete:
         return None
-    return [task_of(p, shelf.physics[p.item], box) for p in packing.placements]
+    return [task_of(p, shelf.physics[p.item], box) for p in made.placements]
 
 
 def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
@@ -220,8 +220,8 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="JSON only, no table")
     arguments = parser.parse_args()
     box = parse_container(arguments.container, read_boxes())
-    shelf = load_physics_shelf(arguments.catalogue, GRID)
-    names = fitting(shelf.plan.prepared, box, GRID)
+    shelf = open_shelf(arguments.catalogue, "parts", GRID)
+    names = fitting(shelf.prepared, box, GRID)
     orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
     report: dict[str, Any] = {}
     for rule in arguments.rules:

@@ -18,12 +18,11 @@ import time
 import numpy as np
 
 from benchmarks.orders import random_orders
+from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container
 
@@ -39,19 +38,11 @@ def main() -> int:
     arguments = parser.parse_args()
 
     grid = GridConfig(n_poses=1)
-    catalogue = open_catalogue(arguments.catalogue)
-    cache = ItemCache()
-    items = {name: cache.prepare(catalogue.item(name), grid) for name in catalogue.names}
+    items = open_shelf(arguments.catalogue, grid=grid).prepared
     container = Container(0.32, 0.32, 0.30)
     order = random_orders(sorted(items), 5, 1, seed=0)[0]
-    half_full = pack(
-        by_box_volume(order, items),
-        items,
-        container,
-        HEURISTICS["hm"],
-        cell_size=grid.cell_size,
-        step=grid.step_cells,
-    ).surfaces[-1]
+    planner = Planner(HEURISTICS["hm"], grid)
+    half_full = planner.pack(by_box_volume(order, items), items, container).surfaces[-1]
     rng = np.random.default_rng(0)
 
     def translations(shape: tuple[int, ...]) -> int:

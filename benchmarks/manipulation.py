@@ -26,13 +26,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.orders import fitting, random_orders
+from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.grasps import Grasp, Rule, generate_grasps
+from packenv.planning.grasps import Grasp, generate_grasps
+from packenv.planning.options import GraspRule
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.scores import HEURISTICS
 from packenv.robot.cell import Cell
@@ -42,7 +42,9 @@ BOX = Container(0.32, 0.32, 0.30)
 GRID = GridConfig()
 
 
-def survey(items: Mapping[str, PreparedItem], rule: Rule) -> tuple[dict[str, Any], dict[OrientedItem, Any]]:
+def survey(
+    items: Mapping[str, PreparedItem], rule: GraspRule
+) -> tuple[dict[str, Any], dict[OrientedItem, Any]]:
     """Grasps of every orientation: figures, and the grasps themselves."""
     grasps: dict[OrientedItem, tuple[Grasp, ...]] = {}
     times = []
@@ -123,8 +125,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="print JSON")
     args = parser.parse_args()
-    catalogue, cache = open_catalogue(args.catalogue), ItemCache()
-    items = {name: cache.prepare(catalogue.item(name), GRID) for name in catalogue.names}
+    items = open_shelf(args.catalogue, grid=GRID).prepared
     orders = random_orders(fitting(items, BOX, GRID), 10, args.orders, args.seed)
     figures, grasps = survey(items, args.rule)
     check_times(items, grasps, orders[:1], 1)

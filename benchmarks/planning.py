@@ -13,15 +13,14 @@ from __future__ import annotations
 from benchmarks import one_thread  # noqa: F401  isort: skip
 
 import argparse
-import dataclasses
 import json
 import statistics
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +28,17 @@ from tqdm import tqdm
 
 from benchmarks import reference
 from benchmarks.orders import fitting, random_orders
-from packenv.config import GridConfig
+from benchmarks.shelf import open_shelf
+from packenv.api import PlanningJob
+from packenv.cli import planning_options
+from packenv.commands.pack import options_from
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.item_cache import ItemCache
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.io.shelves import ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import by_box_volume
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.measured import Resting
 from packenv.types import OrientedItem
 
 
@@ -49,20 +50,24 @@ def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
 
 
 @dataclass(frozen=True)
-class Timed:
+class Timed(Constraint):
     """A constraint that adds the CPU time of its answers to a count."""
 
     constraint: Constraint
     spent: Counter[str]
+
+    def __hash__(self) -> int:
+        """That of the constraint."""
+        return hash(self.constraint)
 
     @property
     def name(self) -> str:
         """That of the constraint."""
         return self.constraint.name
 
-    def start(self) -> Any:
+    def start(self, resting: Sequence[Resting] = ()) -> Any:
         """As the constraint."""
-        return self.constraint.start()
+        return self.constraint.start(resting)
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """As the constraint."""
@@ -96,20 +101,20 @@ def main() -> int:
     parser.add_argument("--container", default="0.32x0.32x0.30")
     parser.add_argument("--orders", type=int, default=50, help="orders of each size")
     parser.add_argument("--sizes", type=int, nargs="+", help="default: 10 16 22 28; under constraints 10")
-    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
-    parser.add_argument("--constraints", choices=("overlap", "stability", "robot"), default="overlap")
-    parser.add_argument("--stability", choices=("paper", "margin"), default="paper")
-    parser.add_argument("--grasp", choices=("seal", "flat", "paper"), default="seal")
-    parser.add_argument("--search", choices=("3d", "5d"), default="3d")
-    parser.add_argument("--restarts", type=int, default=3, help="under the constraints; none without")
+    parser.add_argument("--heuristics", nargs="+", default=["hm", "dblf", "mta"])
+    planning_options(parser, without=("heuristic", "seed"))
+    parser.set_defaults(constraints="overlap", stability="paper")
     parser.add_argument("--reference-orders", type=int, default=10, help="how many the reference packs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="JSON only, no table")
     arguments = parser.parse_args()
 
+    options = options_from(arguments)
+    constrained = options.constraints != "overlap"
+    options = options if constrained else replace(options, restarts=0)
     if arguments.sizes is None:
-        arguments.sizes = [10, 16, 22, 28] if arguments.constraints == "overlap" else [10]
-    grid = GridConfig()
+        arguments.sizes = [10] if constrained else [10, 16, 22, 28]
+    grid = options.grid
     container = parse_container(arguments.container, read_boxes())
     catalogue = open_catalogue(arguments.catalogue)
     meshes = {name: catalogue.item(name) for name in catalogue.names}
@@ -125,32 +130,26 @@ def main() -> int:
         items = {name: cache.get(item, grid) for name, item in meshes.items()}
         names = fitting(items, container, grid)
 
-        constrained = arguments.constraints != "overlap"
         if constrained:
             fields = [cpu(lambda item=item: cache.surface_field(item))[0] for item in meshes.values()]
             preparation = [a + b for a, b in zip(preparation, fields, strict=True)]
 
         def order_from_disk(order: list[str], heuristic: str) -> Any:
-            shelf = {name: cache.get(meshes[name], grid) for name in dict.fromkeys(order)}
-            return pack_order(order, heuristic, shelf)
+            return pack_order(order, heuristic, ItemShelf(catalogue, grid, cache=cache))
 
-        def pack_order(order: list[str], heuristic: str, shelf: dict[str, Any]) -> Any:
-            choice = PlannerChoice(
-                heuristic,
-                arguments.constraints,
-                arguments.stability,
-                arguments.search,
-                arguments.seed,
-                grasp=arguments.grasp,
-                restarts=arguments.restarts if constrained else 0,
-            )
+        def pack_order(order: list[str], heuristic: str, shelf: ItemShelf) -> Any:
+            job = PlanningJob(shelf, replace(options, heuristic=heuristic), margins=False)
             start = time.process_time()
-            surfaces = {name: cache.surface_field(meshes[name]) for name in shelf} if constrained else {}
-            spent["reading surfaces"] += time.process_time() - start
-            planner = assemble(choice, Shelf(meshes, shelf, surfaces), container, grid)
-            timed = tuple(Timed(constraint, spent) for constraint in planner.constraints)
-            planner = dataclasses.replace(planner, constraints=timed)
-            return planner.pack(by_box_volume(order, shelf), shelf, container)
+            shelf.load(order)
+            loaded = time.process_time()
+            shelf.load(order, fields=constrained)
+            spent["reading surfaces"] += time.process_time() - loaded
+            spent["reading maps"] += loaded - start
+            with job.planner(container) as planner:
+                timed = tuple(Timed(constraint, spent) for constraint in planner.constraints)
+                planner = replace(planner, constraints=timed)
+                prepared = {name: shelf.prepared[name] for name in order}
+                return planner.pack(job.sequence(order), prepared, container)
 
         rows: list[dict[str, Any]] = []
         for size in arguments.sizes:
@@ -181,12 +180,13 @@ def main() -> int:
         orders = random_orders(names, 10, arguments.orders, arguments.seed)
         reading = [cpu(lambda o=o: [cache.get(meshes[n], grid) for n in o])[0] for o in orders]
         compared = []
+        warm = open_shelf(arguments.catalogue, grid=grid)
         for order in tqdm(orders[: 0 if constrained else arguments.reference_orders], disable=None):
             theirs = reference.plan(order, meshes, items, container, grid)
             runs = [cpu(lambda order=order: order_from_disk(order, "hm")) for _ in range(5)]
             ours = statistics.median(seconds for seconds, _ in runs)
             searching = statistics.median(
-                cpu(lambda order=order: pack_order(order, "hm", items))[0] for _ in range(5)
+                cpu(lambda order=order: pack_order(order, "hm", warm))[0] for _ in range(5)
             )
             compared.append(
                 {
@@ -206,7 +206,7 @@ def main() -> int:
     report = {
         "catalogue": arguments.catalogue,
         "container": container.label,
-        "constraints": arguments.constraints,
+        "constraints": options.constraints,
         "orders": arguments.orders,
         "cpu_s_median": head.get("cpu_s_median"),
         "packed_share": head.get("packed_share"),

@@ -22,17 +22,15 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.orders import fitting, random_orders
+from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
-from packenv.geometry.distance_grids import SurfaceField
-from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.item_cache import ItemCache
 from packenv.planning.contact_patches import thin
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.equilibrium import build_equilibrium
 from packenv.planning.equilibrium_solvers import solve_cvxpy
 from packenv.planning.margins import MarginRule, check_margin, measure_margin
-from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
@@ -66,11 +64,8 @@ def main() -> int:
 
     grid = GridConfig()
     container = parse_container(arguments.container, read_boxes())
-    catalogue = open_catalogue(arguments.catalogue)
-    meshes = {name: catalogue.item(name) for name in catalogue.names}
-    cache = ItemCache()
-    prepared = {name: cache.prepare(mesh, grid) for name, mesh in meshes.items()}
-    fields: dict[str, SurfaceField] = {}
+    shelf = open_shelf(arguments.catalogue, grid=grid)
+    meshes, prepared, fields = shelf.items, shelf.prepared, shelf.fields
     checker = StabilityChecker()
     rule = MarginRule(arguments.tilt, arguments.mu)
 
@@ -81,14 +76,7 @@ def main() -> int:
     contact_counts = []
     names = sorted(fitting(prepared, container, grid))
     for order in tqdm(random_orders(names, arguments.size, arguments.orders, arguments.seed)):
-        plan = pack(
-            by_box_volume(order, prepared),
-            prepared,
-            container,
-            HEURISTICS["hm"],
-            cell_size=grid.cell_size,
-            step=grid.step_cells,
-        )
+        plan = Planner(HEURISTICS["hm"], grid).pack(by_box_volume(order, prepared), prepared, container)
         bodies: list[Body] = []
         masses: list[float] = []
         coms: list[Any] = []
@@ -96,8 +84,6 @@ def main() -> int:
         by_paper = no_contacts()
         for p in plan.placements:
             item = meshes[p.item]
-            if p.item not in fields:
-                fields[p.item] = SurfaceField.of_item(item)
             body = Body(fields[p.item], p.rotation, p.position)
             index = len(bodies) + 1
             contact_ms, found = timed(

@@ -11,23 +11,22 @@ import statistics
 import sys
 import tempfile
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
-from experiments.runs import finish, load_items, order_options
-from packenv.audit import audit_plan, misstated_boxes
+from benchmarks.shelf import open_shelf
+from experiments.runs import finish, order_options
+from packenv import api
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.plan_maker import make_plan
-from packenv.io.plans import read_plan, write_plan
 from packenv.io.rows import row_key
-from packenv.planning.packer import by_box_volume, pack
-from packenv.planning.scores import HEURISTICS
-from packenv.types import Container, OrderLine
+from packenv.io.shelves import ItemShelf
+from packenv.planning.options import PlanOptions
+from packenv.types import Container, Order
 from packenv.version import __version__
 
 GRID = GridConfig()
@@ -54,48 +53,39 @@ class Job:
 class _Worker:
     """What a worker process loads once."""
 
-    meshes: dict[str, Any]
-    items: dict[str, Any]
+    shelf: ItemShelf
     container: Container
 
 
 def prepare(catalogue: str, container: Container) -> None:
-    """Load the catalogue into this process."""
-    _Worker.meshes, _Worker.items = load_items(catalogue, GRID)
-    _Worker.container = container
+    """Open the catalogue in this process."""
+    _Worker.shelf, _Worker.container = open_shelf(catalogue, grid=GRID), container
 
 
 def work(job: Job) -> dict[str, Any]:
     """Plan an order, write the plan, read it back, audit it."""
+    shelf = _Worker.shelf
+    shelf.load(job.order)
     start = time.process_time()
-    packing = pack(
-        by_box_volume(job.order, _Worker.items),
-        _Worker.items,
-        _Worker.container,
-        HEURISTICS[job.heuristic],
-        cell_size=GRID.cell_size,
-        step=GRID.step_cells,
-        seed=job.index,
-    )
+    options = PlanOptions(heuristic=job.heuristic, constraints="overlap", restarts=0, seed=job.index)
+    made = api.plan(Order.of(*job.order), _Worker.container, shelf, options)
     planned = time.process_time()
-    used = {name: _Worker.meshes[name] for name in job.order}
-    lines = tuple(OrderLine(name, qty) for name, qty in Counter(job.order).items())
-    made = make_plan(packing, lines, used, GRID, catalogue="builtin", settings={"heuristic": job.heuristic})
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plan.json"
-        write_plan(path, made)
-        plan = read_plan(path)
-    report = audit_plan(plan, used)
+        api.save_plan(made, path)
+        plan = api.load_plan(path, shelf)
+    found = api.verify(plan, shelf)
+    report = found.audit
     return {
         "key": job.key,
         **{k: v for k, v in asdict(job).items() if k != "meshes"},
-        "packed": len(packing.placements),
-        "complete": packing.complete,
-        "utilization": packing.utilization,
+        "packed": len(made.placements),
+        "complete": made.complete,
+        "utilization": made.metrics["utilization"],
         "overlaps": len(report.overlaps),
         "protrusions": len(report.protrusions),
         "blocked": len(report.blocked),
-        "miscounted": len(report.miscounted) + len(misstated_boxes(plan, used)),
+        "miscounted": len(report.miscounted) + len(found.misstated),
         "plan_cpu_s": planned - start,
         "audit_cpu_s": time.process_time() - planned,
     }
@@ -132,7 +122,8 @@ def main() -> int:
 
     container = parse_container(arguments.container, read_boxes())
     prepare(arguments.catalogue, container)
-    names = fitting(_Worker.items, container, GRID)
+    shelf = _Worker.shelf
+    names = fitting(shelf.prepared, container, GRID)
     jobs = [
         Job(
             container.size,
@@ -140,7 +131,7 @@ def main() -> int:
             size,
             index,
             tuple(order),
-            tuple(_Worker.items[name].sha256[:16] for name in order),
+            tuple(shelf.items[name].sha256[:16] for name in order),
         )
         for size in arguments.sizes
         for index, order in enumerate(random_orders(names, size, arguments.orders, arguments.seed))

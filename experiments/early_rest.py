@@ -43,14 +43,13 @@ from typing import Any
 import numpy as np
 
 from experiments.execution import figures
-from experiments.physics_orders import BOX, CONFIG
+from experiments.physics_orders import CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.io.assets import robot_urdf
-from packenv.robot.cell import Cell
-from packenv.sim.descent import PlacementTask
-from packenv.sim.plan_tasks import run_tasks
+from packenv.carrying_out import execute
+from packenv.io.shelves import ItemShelf
 from packenv.sim.session import Execution, ExecutionConfig
+from packenv.types import Plan
 
 _APART = 0.001
 _CONVERGED = replace(CONFIG, world=replace(CONFIG.world, residual=0.0, anchored=True))
@@ -58,31 +57,30 @@ _CONVERGED = replace(CONFIG, world=replace(CONFIG.world, residual=0.0, anchored=
 
 def work(job: PlanJob) -> dict[str, Any]:
     """Plan one order and carry it out twice."""
-    row, tasks = planned_row(job)
+    row, plan = planned_row(job)
     config = _CONVERGED if "converged" in job.experiment.split() else CONFIG
-    return row if tasks is None else {**row, **both(tasks, config)}
+    return row if plan is None else {**row, **both(plan, Worker.store.shelf, config)}
 
 
-def both(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> dict[str, Any]:
-    """Carry tasks out until rest, and for the full time; how far the final poses are apart."""
-    full_motion = replace(config.motion, rest=None)
-    early, early_cpu = _timed(tasks, config)
-    full, full_cpu = _timed(tasks, replace(config, motion=full_motion))
+def both(plan: Plan, shelf: ItemShelf, config: ExecutionConfig) -> dict[str, Any]:
+    """Carry a plan out until rest, and for the full time; how far the final poses are apart."""
+    early, early_cpu = _timed(plan, shelf, config)
+    full, full_cpu = _timed(plan, shelf, replace(config, motion=replace(config.motion, rest=None)))
     return {
-        "items": [task.item.name for task in tasks],
+        "items": [p.item for p in plan.placements],
         "early": {**figures(early), "cpu_s": early_cpu},
         "full": {**figures(full), "cpu_s": full_cpu},
         "apart_m": [
-            pose_gap(task.item, a, b) for task, a, b in zip(tasks, early.final, full.final, strict=False)
+            pose_gap(shelf.physics[p.item], a, b)
+            for p, a, b in zip(plan.placements, early.final, full.final, strict=False)
         ],
     }
 
 
-def _timed(tasks: Sequence[PlacementTask], config: ExecutionConfig) -> tuple[Execution, float]:
+def _timed(plan: Plan, shelf: ItemShelf, config: ExecutionConfig) -> tuple[Execution, float]:
     start = time.process_time()
-    urdf = robot_urdf() if any(t.joints is not None for t in tasks) else None
-    execution = run_tasks(tasks, Cell.beside(BOX), config, urdf)
-    return execution, time.process_time() - start
+    executed = execute(plan, shelf, config=config)
+    return executed.execution, time.process_time() - start
 
 
 def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

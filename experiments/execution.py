@@ -11,24 +11,19 @@ import statistics
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
-from packenv.closed_loop import WORLDS, run_closed_loop
-from packenv.io.assets import robot_urdf
+from packenv.carrying_out import execute
 from packenv.io.rows import row_key
-from packenv.planning.assembly import PlannerChoice, Shelf
-from packenv.planning.packing import Packing
-from packenv.rehearsal import Rehearsal
-from packenv.robot.cell import Cell
+from packenv.planning.options import PlanOptions
 from packenv.sim.disturbance import Disturbance
-from packenv.sim.plan_tasks import run_tasks, task_of
-from packenv.sim.session import Execution, Session, feeling
-from packenv.types import Plan
+from packenv.sim.session import Execution, feeling
+from packenv.types import Item, Plan
 from packenv.version import __version__
 
 
@@ -38,26 +33,26 @@ class Column:
 
     Attributes:
         name: of the column.
-        choice: of the planner.
+        options: of the planner.
         closed: in closed loop.
         feel: the robot feels contacts, as it always does in closed loop.
     """
 
     name: str
-    choice: PlannerChoice
+    options: PlanOptions
     closed: bool = False
     feel: bool = False
 
 
-CHECKED = PlannerChoice(stability="physics", clearance=0.01, rehearse=6)
+CHECKED = PlanOptions(stability="physics", clearance=0.01, rehearse=6)
 COLUMNS = {
     column.name: column
     for column in (
-        Column("overlap", PlannerChoice(constraints="overlap", stability="paper")),
-        Column("paper", PlannerChoice(stability="paper")),
-        Column("cautious", PlannerChoice(stability="cautious")),
-        Column("margin", PlannerChoice(stability="margin")),
-        Column("clearance", PlannerChoice(stability="cautious", clearance=0.01)),
+        Column("overlap", PlanOptions(constraints="overlap", stability="paper")),
+        Column("paper", PlanOptions(stability="paper")),
+        Column("cautious", PlanOptions(stability="cautious")),
+        Column("margin", PlanOptions(stability="margin")),
+        Column("clearance", PlanOptions(stability="cautious", clearance=0.01)),
         Column("physics", CHECKED),
         Column("guarded", CHECKED, feel=True),
         Column("closed-loop", CHECKED, closed=True, feel=True),
@@ -87,17 +82,19 @@ _BLOCK = 50
 a plan that another one still makes, and makes it too: a hard one takes minutes."""
 
 
-def in_turn(columns: Sequence[Column], orders: Sequence[Sequence[str]], shelf: Shelf) -> Iterator[Job]:
+def in_turn(
+    columns: Sequence[Column], orders: Sequence[Sequence[str]], items: Mapping[str, Item]
+) -> Iterator[Job]:
     """The jobs, column by column in blocks of orders: so two workers seldom make one plan at once."""
     for start in range(0, len(orders), _BLOCK):
         for column in columns:
             for index, order in enumerate(orders[start : start + _BLOCK], start=start):
-                yield Job(column, index, tuple(order), fingerprints(shelf, order))
+                yield Job(column, index, tuple(order), fingerprints(items, order))
 
 
 def work(job: Job) -> dict[str, Any]:
     """Plan one order in one column and carry it out."""
-    stored = Worker.store.plan(job.order, job.column.choice)
+    stored = Worker.store.plan(job.order, job.column.options)
     row: dict[str, Any] = {
         "key": job.key,
         "index": job.index,
@@ -109,38 +106,19 @@ def work(job: Job) -> dict[str, Any]:
     }
     if stored.plan.complete:
         row["nominal"] = _carry_out(job.column, stored.plan, None)
-        row["disturbed"] = _carry_out(job.column, stored.plan, Disturbance(job.index))
+        row["disturbed"] = _carry_out(job.column, stored.plan, job.index)
     return row
 
 
-def _carry_out(column: Column, plan: Plan, disturbance: Disturbance | None) -> dict[str, Any]:
+def _carry_out(column: Column, plan: Plan, disturb: int | None) -> dict[str, Any]:
     start = time.process_time()
-    cell, urdf = Cell.beside(BOX), robot_urdf()
-    config = feeling(CONFIG) if column.feel else CONFIG
-    shelf = Worker.store.shelf
-    plans, success = 1, None
-    if column.closed:
-        planner, spares = Worker.store.planner(column.choice), Worker.store.spares(column.choice)
-        rehearsal = Rehearsal(BOX, shelf.physics, urdf, WORLDS, config)
-        with Session(cell, config if disturbance is None else disturbance.config(config), urdf) as session:
-            looped = run_closed_loop(
-                planner,
-                Packing.of_plan(plan),
-                session,
-                shelf.plan.meshes,
-                shelf.plan.prepared,
-                rehearsal,
-                disturbance,
-                spares,
-            )
-        execution, plans, success = looped.execution, looped.plans, looped.success
-    else:
-        tasks = [task_of(p, shelf.physics[p.item], BOX) for p in plan.placements]
-        execution = run_tasks(tasks, cell, config, urdf, disturbance)
+    executed = execute(
+        plan, Worker.store.shelf, feel=column.feel, closed_loop=column.closed, disturb=disturb, config=CONFIG
+    )
     return {
-        **figures(execution),
-        "success": execution.success if success is None else success,
-        "plans": plans,
+        **figures(executed.execution),
+        "success": executed.success,
+        "plans": executed.plans or 1,
         "cpu_s": time.process_time() - start,
     }
 
@@ -212,7 +190,7 @@ def main() -> int:
     arguments = parser.parse_args()
     prepare(arguments.catalogue, arguments.plans)
     columns = [COLUMNS[name] for name in arguments.columns]
-    jobs = list(in_turn(columns, drawn_orders(arguments), Worker.store.shelf.plan))
+    jobs = list(in_turn(columns, drawn_orders(arguments), Worker.store.shelf.shapes))
     done, failed = finish(
         work,
         jobs,

@@ -14,9 +14,9 @@ from packenv.sim.descent import PlacementTask
 from packenv.sim.placing import MotionConfig
 from packenv.sim.rest import settle
 from packenv.sim.session import Execution, ItemOutcome
-from packenv.sim.verdicts import DISPLACED, Cause, Pose, collision, sticking_out
+from packenv.sim.verdicts import DISPLACED, Cause, collision, sticking_out
 from packenv.sim.world import World
-from packenv.types import Container
+from packenv.types import Container, Pose
 
 
 def execute_in_mujoco(
@@ -74,14 +74,14 @@ class _Run:
             # The watch for rest asks of a world only what a pile has as well.
             at_rest = settle(cast(World, pile), motion.settle, motion.rest).at_rest
         now = pile.pose(k)
-        away = task.item.com_at(now) - task.item.com_at((task.rotation, task.position))
+        away = task.item.com_at(now) - task.item.com_at(Pose(task.rotation, task.position))
         moved = (
             j for j, pose in enumerate(before) if _travel(self._tasks[j], pose, pile.pose(j)) > DISPLACED
         )
         self._outcomes.append(
             ItemOutcome(
                 item=task.item.name,
-                planned=(task.rotation, task.position),
+                planned=Pose(task.rotation, task.position),
                 measured=now,
                 drop_m=RELEASE_HEIGHT - float(away[2]),
                 shift_m=float(np.hypot(away[0], away[1])),
@@ -106,7 +106,7 @@ class _Run:
         return "container" if k < 0 else self._tasks[k].item.name
 
     def _displaced(self, k: int) -> bool:
-        planned = (self._tasks[k].rotation, self._tasks[k].position)
+        planned = Pose(self._tasks[k].rotation, self._tasks[k].position)
         return _travel(self._tasks[k], planned, self._pile.pose(k)) > DISPLACED
 
     def _blame(self, task: PlacementTask, met: Meeting) -> tuple[Cause, str]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.orders import fitting, random_orders, small_orders
-from benchmarks.physics_shelf import load_physics_shelf
+from benchmarks.shelf import open_shelf
 from experiments.plan_store import PlanStore
 from packenv.config import GridConfig
 from packenv.sim.session import ExecutionConfig
@@ -25,7 +25,7 @@ class Worker:
 
 def prepare(catalogue: str, plans: Path) -> None:
     """Load a catalogue into this process, every item as its envelope; plans are kept in a folder."""
-    Worker.store = PlanStore(plans, catalogue, load_physics_shelf(catalogue, GRID), BOX, GRID, CONFIG.world)
+    Worker.store = PlanStore(plans, open_shelf(catalogue, "parts", GRID), BOX)
 
 
 def options(description: str, *, orders: int, out: str) -> argparse.ArgumentParser:
@@ -47,7 +47,7 @@ def options(description: str, *, orders: int, out: str) -> argparse.ArgumentPars
 
 def drawn_orders(arguments: argparse.Namespace) -> list[list[str]]:
     """The orders that the options ask for, of items that fit the container alone."""
-    names = fitting(Worker.store.shelf.plan.prepared, BOX, GRID)
+    names = fitting(Worker.store.shelf.prepared, BOX, GRID)
     if arguments.small:
         return small_orders(names, arguments.orders, arguments.seed)
     return random_orders(names, arguments.items, arguments.orders, arguments.seed)

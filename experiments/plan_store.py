@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from benchmarks.physics_shelf import PhysicsShelf
-from packenv.config import GridConfig
-from packenv.io.assets import robot_urdf
-from packenv.io.plan_maker import make_plan, with_envelopes
-from packenv.io.plans import read_plan, write_plan
+from packenv import api
 from packenv.io.rows import row_key
-from packenv.physics_planning import make_planner, make_spares
-from packenv.planning.assembly import PlannerChoice, Shelf
-from packenv.planning.packer import Planner, by_box_volume
-from packenv.planning.packing import Packing
-from packenv.rehearsal import Rehearsal, pack_rehearsed
-from packenv.sim.world import WorldConfig
-from packenv.types import Container, OrderLine, Plan
+from packenv.io.shelves import ItemShelf
+from packenv.planning.options import PlanOptions
+from packenv.types import Container, Item, Order, Plan
 from packenv.version import __version__
 
 
-def fingerprints(shelf: Shelf, order: Sequence[str]) -> tuple[str, ...]:
+def fingerprints(items: Mapping[str, Item], order: Sequence[str]) -> tuple[str, ...]:
     """What results depend on of each item of an order: its surface and its mass."""
-    items = (shelf.meshes[name] for name in order)
-    return tuple(f"{item.sha256[:16]} {item.mass!r}" for item in items)
+    return tuple(f"{items[name].sha256[:16]} {items[name].mass!r}" for name in order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,66 +42,40 @@ class PlanStore:
 
     Attributes:
         folder: where the files are.
-        catalogue: the user's name for the catalogue.
-        shelf: its items.
+        shelf: the items, as their envelopes.
         box: the container.
-        grid: the discretization that the shelf was made with.
-        world: of the planner's scratch world.
     """
 
     folder: Path
-    catalogue: str
-    shelf: PhysicsShelf
+    shelf: ItemShelf
     box: Container
-    grid: GridConfig
-    world: WorldConfig
 
-    def planner(self, choice: PlannerChoice) -> Planner:
-        """The planner of a choice, for this container."""
-        return make_planner(choice, self.shelf.plan, self.box, self.grid, self.shelf.physics, self.world)
-
-    def spares(self, choice: PlannerChoice) -> tuple[Planner, ...]:
-        """More planners, for rehearsals."""
-        return make_spares(choice, self.shelf.plan, self.box, self.grid)
-
-    def plan(self, order: Sequence[str], choice: PlannerChoice) -> StoredPlan:
+    def plan(self, order: Sequence[str], options: PlanOptions) -> StoredPlan:
         """Read the plan of an order, or make and keep it.
 
         Args:
             order: item names, each once.
-            choice: how to plan.
+            options: how to plan; on envelopes in any case.
         """
-        items = fingerprints(self.shelf.plan, order)
-        key = row_key(__version__, self.grid, self.box, self.world, choice, tuple(order), items)
+        options = replace(options, geometry="parts")
+        items = fingerprints(self.shelf.shapes, order)
+        key = row_key(__version__, self.box, options.to_mapping(), tuple(order), items)
         path = self.folder / f"{key}.json"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_plan(path, self._made(order, choice))
-        plan = read_plan(path)
+            api.save_plan(self._made(order, options), path)
+        plan = api.load_plan(path, self.shelf)
         return StoredPlan(plan, float(plan.metrics["plan_cpu_s"]))
 
-    def _made(self, order: Sequence[str], choice: PlannerChoice) -> Plan:
-        prepared, physics = self.shelf.plan.prepared, self.shelf.physics
-        planner, sequence = self.planner(choice), by_box_volume(order, prepared)
-        seconds, rehearsed = 0.0, None
-        if choice.rehearse:
-            first = self.plan(order, replace(choice, rehearse=0))
-            seconds = first.cpu_s
-            start = time.process_time()
-            rehearsal = Rehearsal(self.box, physics, robot_urdf(), choice.rehearse)
-            known = Packing.of_plan(first.plan)
-            spares = self.spares(choice)
-            rehearsed = pack_rehearsed(planner, sequence, prepared, rehearsal, first=known, spares=spares)
-            packing = rehearsed.packing
+    def _made(self, order: Sequence[str], options: PlanOptions) -> Plan:
+        seconds = 0.0
+        if options.rehearse:
+            first = self.plan(order, replace(options, rehearse=0))
+            seconds, start = first.cpu_s, time.process_time()
+            plan = api.rehearse(first.plan, self.shelf, options, margins=False)
         else:
+            self.shelf.load(order, fields=True)
             start = time.process_time()
-            packing = planner.pack(sequence, prepared, self.box)
+            plan = api.plan(Order.of(*order), self.box, self.shelf, options, margins=False)
         seconds += time.process_time() - start
-        settings: dict[str, Any] = {**asdict(choice), "geometry": "parts", "sequence": "volume"}
-        items = {name: self.shelf.items[name] for name in order}
-        lines = tuple(OrderLine(name, 1) for name in order)
-        plan = make_plan(packing, lines, items, self.grid, catalogue=self.catalogue, settings=settings)
-        plan = with_envelopes(plan, {name: self.shelf.plan.meshes[name] for name in order})
-        if rehearsed is not None:
-            plan = rehearsed.told_by(plan)
         return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.execution import COLUMNS
-from experiments.physics_orders import BOX, CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv.io.rows import row_key
-from packenv.sim.descent import PlacementTask
-from packenv.sim.plan_tasks import task_of
+from packenv.types import Plan
 from packenv.version import __version__
 
 _TIMEOUT = 3600.0
@@ -47,9 +46,9 @@ class PlanJob:
         return row_key(__version__, GRID, CONFIG, COLUMNS[self.column], self)
 
 
-def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | None]:
-    """The row of a job as far as planning goes, and the tasks; None where the plan leaves items over."""
-    stored = Worker.store.plan(job.order, COLUMNS[job.column].choice)
+def planned_row(job: PlanJob) -> tuple[dict[str, Any], Plan | None]:
+    """The row of a job as far as planning goes, and the plan; None where it leaves items over."""
+    stored = Worker.store.plan(job.order, COLUMNS[job.column].options)
     row = {
         "key": job.key,
         "column": job.column,
@@ -58,10 +57,7 @@ def planned_row(job: PlanJob) -> tuple[dict[str, Any], list[PlacementTask] | Non
         "planned": stored.plan.complete,
         "plan_cpu_s": stored.cpu_s,
     }
-    if not stored.plan.complete:
-        return row, None
-    physics = Worker.store.shelf.physics
-    return row, [task_of(p, physics[p.item], BOX) for p in stored.plan.placements]
+    return row, stored.plan if stored.plan.complete else None
 
 
 def run(
@@ -100,7 +96,7 @@ def run(
     prepare(arguments.catalogue, arguments.plans)
     jobs = [
         PlanJob(
-            experiment, arguments.column, index, tuple(order), fingerprints(Worker.store.shelf.plan, order)
+            experiment, arguments.column, index, tuple(order), fingerprints(Worker.store.shelf.shapes, order)
         )
         for index, order in enumerate(drawn_orders(arguments))
     ]

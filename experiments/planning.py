@@ -15,20 +15,22 @@ import sys
 import time
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders, small_orders
-from experiments.runs import finish, load_items, order_options
+from benchmarks.shelf import open_shelf
+from experiments.runs import finish, order_options
+from packenv import api
+from packenv.cli import planning_options
+from packenv.commands.pack import options_from
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
-from packenv.io.item_cache import ItemCache
 from packenv.io.rows import row_key
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.io.shelves import ItemShelf
+from packenv.planning.options import PlanOptions
 from packenv.planning.orientations import perturbations
-from packenv.planning.packer import by_box_volume
-from packenv.planning.packing import Packing
-from packenv.types import Container
+from packenv.types import Container, Order, Plan
 from packenv.version import __version__
 
 GRID = GridConfig()
@@ -42,7 +44,7 @@ class Job:
     """One order under one choice."""
 
     set: str
-    choice: PlannerChoice
+    options: PlanOptions
     index: int
     order: tuple[str, ...]
     meshes: tuple[str, ...]
@@ -56,15 +58,12 @@ class Job:
 class _Worker:
     """What a worker process loads once."""
 
-    shelf: Shelf
+    shelf: ItemShelf
 
 
 def prepare(catalogue: str) -> None:
-    """Load the catalogue into this process."""
-    meshes, prepared = load_items(catalogue, GRID)
-    cache = ItemCache()
-    fields = {name: cache.surface_field(item) for name, item in meshes.items()}
-    _Worker.shelf = Shelf(meshes, prepared, fields)
+    """Open the catalogue in this process."""
+    _Worker.shelf = open_shelf(catalogue, grid=GRID)
 
 
 def small_boxes() -> list[Container]:
@@ -72,16 +71,12 @@ def small_boxes() -> list[Container]:
     return sorted((box for box in read_boxes() if box.name != "S32"), key=lambda box: box.volume)
 
 
-def _pack(job: Job, choice: PlannerChoice) -> Packing:
-    shelf = _Worker.shelf
-    sequence = by_box_volume(job.order, shelf.prepared)
-    packing = None
-    for box in [LARGE] if job.set == "large" else small_boxes():
-        packing = assemble(choice, shelf, box, GRID).pack(sequence, shelf.prepared, box)
-        if packing.complete:
-            break
-    assert packing is not None
-    return packing
+def _boxes(job: Job) -> list[Container]:
+    return [LARGE] if job.set == "large" else small_boxes()
+
+
+def _plan(job: Job, options: PlanOptions) -> Plan:
+    return api.plan(Order.of(*job.order), _boxes(job), _Worker.shelf, options, margins=False)
 
 
 def _tilt(job: Job) -> None:
@@ -89,43 +84,39 @@ def _tilt(job: Job) -> None:
     shelf = _Worker.shelf
     for name in job.order:
         poses = shelf.prepared[name].poses
-        for box in [LARGE] if job.set == "large" else small_boxes():
-            for _ in perturbations(shelf.meshes[name], poses, GRID, box.size):
+        for box in _boxes(job):
+            for _ in perturbations(shelf.shapes[name], poses, GRID, box.size):
                 pass
 
 
 def work(job: Job) -> dict[str, Any]:
     """Plan one order; for the 5D search, ``prepare_cpu_s`` is what the maps of its orientations take."""
+    _Worker.shelf.load(job.order, fields=job.options.constraints != "overlap")
     start = time.process_time()
-    if job.choice.search == "5d":
+    if job.options.search == "5d":
         _tilt(job)
     prepared = time.process_time()
-    packing = _pack(job, job.choice)
+    plan = _plan(job, job.options)
     seconds = time.process_time() - prepared
-    feasible = packing.complete or job.set == "small"
+    feasible = plan.complete or job.set == "small"
     for witness in WITNESSES:
-        feasible = feasible or _pack(job, PlannerChoice(witness, "overlap", restarts=0)).complete
+        overlap = PlanOptions(heuristic=witness, constraints="overlap", restarts=0)
+        feasible = feasible or _plan(job, overlap).complete
     rejections: Counter[str] = Counter()
-    for part in (*packing.placements, *packing.leftovers):
+    for part in (*plan.placements, *plan.leftovers):
         rejections.update(part.rejections)
     return {
         "key": job.key,
         "set": job.set,
-        "heuristic": job.choice.heuristic,
-        "constraints": job.choice.constraints,
-        "stability": job.choice.stability,
-        "search": job.choice.search,
-        "contacts": job.choice.contacts,
-        "grasp": job.choice.grasp,
-        "restarts": str(job.choice.restarts),
+        **{name: str(job.options.to_mapping()[name]) for name in _CHOICE[1:]},
         "index": job.index,
         "order": job.order,
-        "complete": packing.complete,
+        "complete": plan.complete,
         "feasible": feasible,
-        "container": packing.container.label,
-        "leftovers": [(left.item, left.reason) for left in packing.leftovers],
-        "routes": Counter(placement.route for placement in packing.placements),
-        "checked": sum(placement.checked for placement in packing.placements),
+        "container": plan.container.label,
+        "leftovers": [(left.item, left.reason) for left in plan.leftovers],
+        "routes": Counter(placement.route for placement in plan.placements),
+        "checked": sum(placement.checked for placement in plan.placements),
         "rejections": rejections,
         "cpu_s": seconds,
         "prepare_cpu_s": prepared - start,
@@ -168,15 +159,13 @@ def main() -> int:
     """Run, resume, print the summary."""
     parser = order_options((__doc__ or "").splitlines()[0], orders=300, out="runs/planning.jsonl")
     parser.add_argument("--set", choices=("large", "small"), default="large")
-    parser.add_argument("--constraints", default="robot", choices=("overlap", "stability", "robot"))
-    parser.add_argument("--stability", default="paper", choices=("paper", "cautious", "margin"))
-    parser.add_argument("--contacts", default="surface", choices=("surface", "paper"))
-    parser.add_argument("--grasp", default="seal", choices=("seal", "flat", "paper"))
-    parser.add_argument("--restarts", type=int, default=3)
-    parser.add_argument("--search", default="3d", choices=("3d", "5d"))
+    planning_options(parser, without=("heuristic", "seed"))
     parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
 
+    options = options_from(arguments)
+    if arguments.set == "small":
+        options = replace(options, restarts=0)
     prepare(arguments.catalogue)
     shelf = _Worker.shelf
     box = LARGE if arguments.set == "large" else small_boxes()[-1]
@@ -188,19 +177,10 @@ def main() -> int:
     jobs = [
         Job(
             arguments.set,
-            PlannerChoice(
-                heuristic,
-                arguments.constraints,
-                arguments.stability,
-                arguments.search,
-                contacts=arguments.contacts,
-                grasp=arguments.grasp,
-                restarts=arguments.restarts if arguments.set == "large" else 0,
-                give_up=arguments.set == "small",
-            ),
+            replace(options, heuristic=heuristic),
             index,
             tuple(order),
-            tuple(shelf.meshes[name].sha256[:16] for name in order),
+            tuple(shelf.items[name].sha256[:16] for name in order),
         )
         for index, order in enumerate(orders)
         for heuristic in arguments.heuristics
@@ -219,7 +199,7 @@ def main() -> int:
             {
                 "rows": summarize(done),
                 "failed_jobs": failed,
-                "items_that_do_not_fit_alone": sorted(set(shelf.prepared) - set(names)),
+                "items_that_do_not_fit_alone": sorted(set(shelf.items) - set(names)),
             },
             indent=1,
         )

@@ -10,13 +10,9 @@ from typing import Any
 from tqdm import tqdm
 
 from agents.workers import run_jobs
-from packenv.config import GridConfig
-from packenv.geometry.prepare import PreparedItem
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
+from packenv.errors import InputError
 from packenv.io.rows import RowFile
-from packenv.planning.scores import HEURISTICS
-from packenv.types import Item
+from packenv.planning.options import PlanOptions
 
 
 def order_options(description: str, *, orders: int, out: str) -> argparse.ArgumentParser:
@@ -24,18 +20,30 @@ def order_options(description: str, *, orders: int, out: str) -> argparse.Argume
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--catalogue", default="builtin")
     parser.add_argument("--orders", type=int, default=orders)
-    parser.add_argument("--heuristics", nargs="+", choices=sorted(HEURISTICS), default=["hm", "dblf", "mta"])
+    parser.add_argument(
+        "--heuristics",
+        nargs="+",
+        type=heuristic,
+        default=["hm", "dblf", "mta"],
+        help="names, or own ones as my_module:my_rule",
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path(out))
     return parser
 
 
-def load_items(catalogue: str, grid: GridConfig) -> tuple[dict[str, Item], dict[str, PreparedItem]]:
-    """Every item of a catalogue, as it is and prepared, by name."""
-    opened, cache = open_catalogue(catalogue), ItemCache()
-    meshes = {name: opened.item(name) for name in opened.names}
-    return meshes, {name: cache.prepare(item, grid) for name, item in meshes.items()}
+def heuristic(text: str) -> str:
+    """A heuristic as an option takes it.
+
+    Raises:
+        argparse.ArgumentTypeError: there is none of that name.
+    """
+    try:
+        PlanOptions(heuristic=text)
+    except InputError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
+    return text
 
 
 def finish(

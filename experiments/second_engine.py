@@ -41,25 +41,26 @@ import numpy as np
 from experiments.execution import figures, mean_moves
 from experiments.mujoco_execution import execute_in_mujoco
 from experiments.mujoco_pile import MujocoConfig
-from experiments.physics_orders import BOX, CONFIG
+from experiments.physics_orders import BOX, CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.io.assets import robot_urdf
-from packenv.robot.cell import Cell
-from packenv.sim.plan_tasks import run_tasks
+from packenv.carrying_out import execute
+from packenv.sim.plan_tasks import task_of
 
 MUJOCO = MujocoConfig()
 
 
 def work(job: PlanJob) -> dict[str, Any]:
     """Plan one order and carry it out in one engine, then in the other."""
-    row, tasks = planned_row(job)
-    if tasks is None:
+    row, plan = planned_row(job)
+    if plan is None:
         return row
-    first = run_tasks(tasks, Cell.beside(BOX), CONFIG, robot_urdf())
+    shelf = Worker.store.shelf
+    first = execute(plan, shelf, config=CONFIG).execution
     row["first"] = figures(first)
     if not first.success:
         return row
+    tasks = [task_of(p, shelf.physics[p.item], BOX) for p in plan.placements]
     start = time.process_time()
     second = execute_in_mujoco(tasks, BOX, MUJOCO, CONFIG.motion)
     row["second"] = {**figures(second), "cpu_s": time.process_time() - start}

@@ -158,6 +158,7 @@ def rehearse(
     catalogue: Items | None = None,
     options: PlanOptions | None = None,
     *,
+    margins: bool = True,
     watcher: Watcher = SILENT,
 ) -> Plan:
     """Carry a plan out in simulated worlds, and plan otherwise where it fails.
@@ -166,6 +167,7 @@ def rehearse(
         plan: the plan; of geometry ``parts``, on which physics and planning agree.
         catalogue: where its items are from; None takes what the plan names.
         options: how to plan otherwise, and in how many worlds to rehearse; None takes those of the plan.
+        margins: as for :func:`plan`.
         watcher: is told of progress.
 
     Raises:
@@ -176,7 +178,7 @@ def rehearse(
         raise InputError("rehearse: give options with rehearse of at least 1, and a plan of geometry parts")
     shelf = shelf_of(plan, catalogue, options=chosen)
     names = [line.item for line in plan.order for _ in range(line.qty)]
-    job = PlanningJob(shelf, chosen, watcher=watcher)
+    job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(names)
     rehearsed = job.rehearse(plan.container, job.sequence(names), Packing.of_plan(plan))
     return _rehearsed_plan(rehearsed, plan.order, shelf, chosen, plan.unit)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from packenv.commands.reporting import reported
@@ -76,10 +76,14 @@ def _count(text: str) -> int:
     return value
 
 
-def planning_options(parser: argparse.ArgumentParser) -> None:
+def planning_options(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
     """Add a flag for every option of planning; what is not given is None.
 
     Experiments and benchmarks take the same words, see :func:`packenv.commands.pack.options_from`.
+
+    Args:
+        parser: to add them to.
+        without: options that it has a flag of its own for.
     """
     parser.add_argument(
         "--preset",
@@ -90,6 +94,8 @@ def planning_options(parser: argparse.ArgumentParser) -> None:
     )
     preset = PlanOptions()
     for name, rule in rules().items():
+        if name in without:
+            continue
         default = getattr(preset, name)
         shown = f" (default: {default})" if default is not None else ""
         flag = f"--{name.replace('_', '-')}"

@@ -9,19 +9,17 @@ from typing import Any
 
 import pytest
 
-from benchmarks.physics_shelf import load_physics_shelf
+from benchmarks.shelf import open_shelf
 from experiments import execution
 from experiments.plan_store import PlanStore, fingerprints
+from packenv import api
 from packenv.cli import main
-from packenv.config import GridConfig
 from packenv.io.plans import plan_to_json
-from packenv.planning.assembly import PlannerChoice
-from packenv.sim.world import WorldConfig
+from packenv.planning.options import PlanOptions
 from packenv.types import Container
 from tests.mesh_samples import write_three
 from tests.sim.bodies import brick, by_hand, carried_out
 
-GRID = GridConfig()
 ORDER = ("brick", "book", "can")
 
 
@@ -30,34 +28,32 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> PlanStore:
     """An empty store of plans of three items."""
     folder = tmp_path_factory.mktemp("store")
     write_three(folder)
-    catalogue = str(folder)
-    shelf = load_physics_shelf(catalogue, GRID)
-    return PlanStore(folder / "plans", catalogue, shelf, Container(0.2, 0.2, 0.12), GRID, WorldConfig())
+    return PlanStore(folder / "plans", open_shelf(str(folder), "parts"), Container(0.2, 0.2, 0.12))
 
 
 def test_a_plan_is_made_once_and_read_from_then_on(store: PlanStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = store.plan(ORDER, PlannerChoice())
+    first = store.plan(ORDER, PlanOptions())
     assert first.plan.complete
     assert first.cpu_s > 0.0
 
-    def never(*_: object) -> None:
+    def never(*_: object, **__: object) -> None:
         raise AssertionError("planned again")
 
-    monkeypatch.setattr(PlanStore, "planner", never)
-    again = store.plan(ORDER, PlannerChoice())
+    monkeypatch.setattr(api, "plan", never)
+    again = store.plan(ORDER, PlanOptions())
     assert plan_to_json(again.plan) == plan_to_json(first.plan)
     assert again.cpu_s == first.cpu_s
-    for other in (PlannerChoice(clearance=0.01), PlannerChoice(seed=1)):
+    for other in (PlanOptions(clearance=0.01), PlanOptions(seed=1)):
         with pytest.raises(AssertionError, match="planned again"):
             store.plan(ORDER, other)
     with pytest.raises(AssertionError, match="planned again"):
-        store.plan(ORDER[::-1], PlannerChoice())
+        store.plan(ORDER[::-1], PlanOptions())
 
 
 def test_a_stored_plan_is_one_that_users_can_check_and_carry_out(
     store: PlanStore, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    store.plan(ORDER, PlannerChoice(heuristic="dblf"))
+    store.plan(ORDER, PlanOptions(heuristic="dblf"))
     path = max(store.folder.glob("*.json"), key=lambda p: p.stat().st_mtime_ns)
     assert main(["verify", str(path)]) == 0
     capsys.readouterr()
@@ -96,10 +92,9 @@ def test_no_rows_tell_nothing() -> None:
 
 
 def test_another_mass_is_another_plan(store: PlanStore) -> None:
-    heavy = {name: replace(item, mass=2.0 * item.mass) for name, item in store.shelf.plan.meshes.items()}
-    assert fingerprints(replace(store.shelf.plan, meshes=heavy), ORDER) != fingerprints(
-        store.shelf.plan, ORDER
-    )
+    shapes = store.shelf.shapes
+    heavy = {name: replace(item, mass=2.0 * item.mass) for name, item in shapes.items()}
+    assert fingerprints(heavy, ORDER) != fingerprints(shapes, ORDER)
 
 
 def test_what_collided_counts_in_no_mean() -> None:
@@ -117,7 +112,7 @@ def test_what_collided_counts_in_no_mean() -> None:
 def test_jobs_take_every_order_in_every_column_and_no_plan_twice_at_once(store: PlanStore) -> None:
     columns = [execution.COLUMNS[name] for name in ("physics", "guarded", "closed-loop")]
     orders = [ORDER] * 20
-    jobs = list(execution.in_turn(columns, orders, store.shelf.plan))
+    jobs = list(execution.in_turn(columns, orders, store.shelf.shapes))
     assert {(job.column.name, job.index) for job in jobs} == {(c.name, k) for c in columns for k in range(20)}
     assert len({job.key for job in jobs}) == len(jobs) == 60
     for a, b in itertools.pairwise(jobs):

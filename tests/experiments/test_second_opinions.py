@@ -7,15 +7,23 @@ from typing import Any
 import pytest
 
 from experiments import early_rest
+from packenv import api
+from packenv.io.catalogues import Catalogue
+from packenv.io.shelves import ItemShelf
+from packenv.planning.options import PlanOptions
 from packenv.sim.placing import MotionConfig
 from packenv.sim.session import ExecutionConfig
-from tests.sim.bodies import brick, by_hand
+from packenv.types import Container, Order
+from tests import shapes
 
 
 def test_a_pile_that_comes_to_rest_stays_there() -> None:
     config = ExecutionConfig(motion=MotionConfig(settle=3.0))
-    tasks = [by_hand(brick(), (0.1, 0.1, 0.0)), by_hand(brick(), (0.12, 0.11, 0.05))]
-    row = early_rest.both(tasks, config)
+    shelf = ItemShelf(Catalogue.of_items({"brick": shapes.box(0.10, 0.08, 0.05, "brick")}), geometry="parts")
+    options = PlanOptions(constraints="stability", geometry="parts")
+    plan = api.plan(Order.of("brick", "brick"), Container(0.12, 0.10, 0.12), shelf, options)
+    assert plan.complete
+    row = early_rest.both(plan, shelf, config)
     assert row["early"]["success"]
     assert row["full"]["success"]
     assert len(row["apart_m"]) == 2
