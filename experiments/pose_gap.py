@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from packenv.sim.physics_items import PhysicsItem
-from packenv.sim.verdicts import Pose
+from packenv.types import Pose
 
 
 def pose_gap(item: PhysicsItem, a: Pose, b: Pose) -> float:

@@ -43,6 +43,8 @@ def load_extension(text: str, what: str) -> Any:
 def extension_name(thing: object) -> str | None:
     """The name by which :func:`load_extension` finds an object again; None where it does not."""
     module, name = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
+    if module == "__main__":  # another program has another one
+        return None
     found: object = sys.modules.get(module) if isinstance(module, str) else None
     if found is None or not isinstance(name, str):
         return None

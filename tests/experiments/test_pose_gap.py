@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from experiments.pose_gap import pose_gap
 from packenv.geometry.transforms import yaw_rotation
-from packenv.sim.verdicts import Pose
+from packenv.types import Pose
 from packenv.sim.world import World
 from tests.sim.bodies import BOX, ball, brick
 
