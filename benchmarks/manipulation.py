@@ -32,8 +32,8 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.grasps import Grasp, generate_grasps
-from packenv.planning.options import GraspRule
 from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.options import GraspRule
 from packenv.planning.scores import HEURISTICS
 from packenv.robot.cell import Cell
 from packenv.types import Container, OrientedItem

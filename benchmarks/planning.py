@@ -29,7 +29,6 @@ from tqdm import tqdm
 from benchmarks import reference
 from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
-from packenv.api import PlanningJob
 from packenv.cli import planning_options
 from packenv.commands.pack import options_from
 from packenv.io.catalogues import open_catalogue
@@ -39,6 +38,7 @@ from packenv.io.shelves import ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting
+from packenv.planning_job import PlanningJob
 from packenv.types import OrientedItem
 
 

@@ -27,6 +27,7 @@ from packenv.io.rows import row_key
 from packenv.io.shelves import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Order
+from packenv.verification import verify
 from packenv.version import __version__
 
 GRID = GridConfig()
@@ -74,7 +75,7 @@ def work(job: Job) -> dict[str, Any]:
         path = Path(folder) / "plan.json"
         api.save_plan(made, path)
         plan = api.load_plan(path, shelf)
-    found = api.verify(plan, shelf)
+    found = verify(plan, shelf)
     report = found.audit
     return {
         "key": job.key,

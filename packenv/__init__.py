@@ -15,7 +15,6 @@ from gymnasium.envs.registration import register as _register
 
 if _TYPE_CHECKING:
     from packenv.api import (
-        Verification as Verification,
         load_catalogue as load_catalogue,
         load_order as load_order,
         load_plan as load_plan,
@@ -23,7 +22,6 @@ if _TYPE_CHECKING:
         plan_rest as plan_rest,
         rehearse as rehearse,
         save_plan as save_plan,
-        verify as verify,
     )
     from packenv.carrying_out import ExecutedPlan as ExecutedPlan, execute as execute
     from packenv.env import PackEnv as PackEnv
@@ -48,6 +46,7 @@ if _TYPE_CHECKING:
         Pose as Pose,
         RobotPath as RobotPath,
     )
+    from packenv.verification import Verification as Verification, verify as verify
     from packenv.watcher import Watcher as Watcher
 
 from packenv.version import __version__ as __version__
@@ -78,7 +77,7 @@ _PUBLIC = {
     "RobotPath": "packenv.types",
     "Trial": "packenv.planning.constraints",
     "Verdict": "packenv.planning.constraints",
-    "Verification": "packenv.api",
+    "Verification": "packenv.verification",
     "Watcher": "packenv.watcher",
     "execute": "packenv.carrying_out",
     "load_catalogue": "packenv.api",
@@ -89,7 +88,7 @@ _PUBLIC = {
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",
     "show": "packenv.showing",
-    "verify": "packenv.api",
+    "verify": "packenv.verification",
 }
 """Public names, and the modules that they are in."""
 

@@ -6,15 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from packenv.api import Items, PlanningJob, options_of, renumbered, shelf_of, surfaces_of
 from packenv.closed_loop import WORLDS, run_closed_loop
 from packenv.errors import InputError, PlanError
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
 from packenv.io.shelves import ItemShelf
+from packenv.plan_items import Items, options_of, renumbered, shelf_of, surfaces_of
 from packenv.planning.options import OWN, PlanOptions
 from packenv.planning.packing import Packing
+from packenv.planning_job import PlanningJob
 from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder

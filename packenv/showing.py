@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from packenv.api import Items, options_of, shelf_of, surfaces_of
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.scene import Scene, build_scene
+from packenv.plan_items import Items, options_of, shelf_of, surfaces_of
 from packenv.types import Plan
 from packenv.watcher import SILENT, Watcher
 

@@ -17,6 +17,7 @@ from packenv.commands.output import Terminal, say, say_json
 from packenv.errors import InputError
 from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs
+from packenv.plan_items import options_of
 from packenv.planning.options import PlanOptions
 from packenv.showing import show
 from packenv.types import Plan
@@ -85,7 +86,7 @@ def _own_code(plan: Plan, arguments: argparse.Namespace) -> PlanOptions | None:
     """The plan's options with the own code that the user names; None where none is named."""
     if arguments.heuristic is None and arguments.own_constraints is None:
         return None
-    options = api.options_of(plan)
+    options = options_of(plan)
     given = {f.name: getattr(arguments, f.name) for f in fields(options) if hasattr(arguments, f.name)}
     named = {name: value for name, value in given.items() if value is not None}
     return replace(options, **named)

@@ -7,6 +7,8 @@ import argparse
 from packenv import api
 from packenv.audit import AuditReport
 from packenv.commands.output import say, say_json
+from packenv.plan_items import options_of
+from packenv.verification import Verification
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")
 _WITH_PARTS = "with convex parts: "
@@ -19,11 +21,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         say_json(found.to_json())
     else:
-        _report(found, api.options_of(plan).constraints)
+        _report(found, options_of(plan).constraints)
     return 0 if found.ok else 1
 
 
-def _report(found: api.Verification, constraints: str) -> None:
+def _report(found: Verification, constraints: str) -> None:
     _report_findings(found.audit)
     if found.envelopes is not None:
         _report_findings(found.envelopes, _WITH_PARTS)
@@ -43,7 +45,7 @@ def _report(found: api.Verification, constraints: str) -> None:
     say(f"{verdict}: {found.placed} items placed, {found.left_over} left over")
 
 
-def _report_recheck(found: api.Verification, constraints: str) -> None:
+def _report_recheck(found: Verification, constraints: str) -> None:
     again = found.recheck
     for step in again.unstable_steps:
         say(f"unstable: the pile does not stand at step {step}")

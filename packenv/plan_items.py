@@ -1,0 +1,139 @@
+"""The items of a catalogue or of a plan, for whoever plans, verifies, executes or shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+from packenv.errors import InputError, PlanError
+from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
+from packenv.io.plans import EnvelopeRecord
+from packenv.io.shelves import ItemShelf
+from packenv.planning.container_map import ContainerMap
+from packenv.planning.options import PlanOptions
+from packenv.planning.replay import replay
+from packenv.types import Item, Plan
+
+Items: TypeAlias = Catalogue | ItemShelf | str | Path
+"""Where items are from: a catalogue, a shelf that has loaded some of it, a folder, or ``builtin``."""
+
+SHELF_MEMORY = 2**29
+"""Bytes of heightmaps, and of surfaces, that a shelf keeps here: one process, one user."""
+
+
+def catalogue_of(catalogue: Items) -> Catalogue:
+    """The catalogue that items are from."""
+    if isinstance(catalogue, ItemShelf):
+        return catalogue.catalogue
+    return catalogue if isinstance(catalogue, Catalogue) else open_catalogue(catalogue)
+
+
+def options_of(plan: Plan) -> PlanOptions:
+    """How a plan was made.
+
+    Raises:
+        PlanError: its settings are not options.
+    """
+    for name in ("constraints", "stability", "contacts", "grasp", "cell_size"):
+        if name not in plan.settings:
+            raise PlanError(f"{plan.label}: settings has no {name!r}, plan again")
+    try:
+        return PlanOptions.from_mapping(plan.settings, f"{plan.label}: settings")
+    except PlanError:
+        raise
+    except InputError as problem:
+        raise PlanError(str(problem)) from None
+
+
+def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:
+    """A shelf of a catalogue's items for planning with some options.
+
+    Raises:
+        InputError: the catalogue cannot be opened.
+    """
+    if isinstance(catalogue, ItemShelf):
+        return catalogue.like(options.grid, options.shape)
+    opened = catalogue_of(catalogue)
+    memory = SHELF_MEMORY
+    return ItemShelf(opened, options.grid, options.shape, field_memory=memory, map_memory=memory)
+
+
+def shelf_of(
+    plan: Plan,
+    catalogue: Items | None = None,
+    *,
+    unit: str | None = None,
+    options: PlanOptions | None = None,
+    leftovers: bool = False,
+) -> ItemShelf:
+    """A shelf of a plan's items, which are those that the plan was made of.
+
+    Args:
+        plan: the plan.
+        catalogue: where its items are from; None takes what the plan names.
+        unit: unit of the meshes; None takes the plan's.
+        options: geometry and grid; None takes those of the plan.
+        leftovers: check the items that are not in the plan, too.
+
+    Raises:
+        InputError: an item is missing, or is not the one that the plan was made of.
+    """
+    if catalogue is None and plan.catalogue == MEMORY and plan.items:
+        catalogue = Catalogue.of_items(plan.items)
+    elif catalogue is None or isinstance(catalogue, str | Path):
+        catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+    chosen = options or options_of(plan)
+    shelf = shelf_for(catalogue, chosen)
+    names = [p.item for p in plan.placements] + [left.item for left in plan.leftovers if leftovers]
+    for name in dict.fromkeys(names):
+        if name not in shelf:
+            raise PlanError(
+                f"{plan.label}: item {name!r} is not in {shelf.catalogue.label}, name its folder by --catalogue"
+            )
+        _check_mesh(plan, name, shelf)
+    return shelf
+
+
+def surfaces_of(plan: Plan, shelf: ItemShelf) -> tuple[ContainerMap, ...]:
+    """The container heightmap after each step of a plan.
+
+    Raises:
+        ValueError: an item is not inside the container.
+    """
+    return replay(plan.placements, shelf.shapes, plan.container, shelf.grid.cell_size)
+
+
+def renumbered(plan: Plan) -> Plan:
+    """The plan with every piece of a name numbered in its sequence, placed ones first."""
+    counts: dict[str, int] = {}
+
+    def number(name: str) -> int:
+        counts[name] = counts.get(name, 0) + 1
+        return counts[name]
+
+    placements = tuple(replace(p, instance=number(p.item)) for p in plan.placements)
+    leftovers = tuple(replace(left, instance=number(left.item)) for left in plan.leftovers)
+    return replace(plan, placements=placements, leftovers=leftovers)
+
+
+def _check_mesh(plan: Plan, name: str, shelf: ItemShelf) -> None:
+    item: Item = shelf.items[name]
+    record = plan.meshes[name]
+    if item.sha256 != record.sha256:
+        raise PlanError(
+            f"{plan.label}: {item.file} is not the mesh that the plan was made of (sha256 "
+            f"{item.sha256[:12]}, not {record.sha256[:12]}), plan again or name its folder by --catalogue"
+        )
+    if shelf.geometry != "parts" or options_of(plan).shape != "parts":
+        return
+    if not isinstance(record, EnvelopeRecord):
+        raise PlanError(
+            f"{plan.label}: meshes.{name} has no 'envelope_sha256', which plans of geometry 'parts' have"
+        )
+    shape = shelf.shapes[name]
+    if shape.sha256 != record.envelope_sha256:
+        raise PlanError(
+            f"{plan.label}: the convex parts of {shape.file} are not those that the plan was made of "
+            f"(sha256 of the envelope {shape.sha256[:12]}, not {record.envelope_sha256[:12]}), plan again"
+        )
