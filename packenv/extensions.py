@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,30 @@ def load_extension(text: str, what: str) -> Any:
             public = [name for name in dir(found) if not name.startswith("_")]
             raise InputError(f"{what} {text}: {module_name} has no {word!r}{nearest(word, public)}")
         found = getattr(found, word)
+    return found
+
+
+def made_extension(text: str, what: str, fits: Callable[[Any], bool], right: str) -> Any:
+    """Import what ``module:name`` names; where that is a class or a function, have it make what is wanted.
+
+    Args:
+        text: ``module:name`` of an object, or of a class or function without arguments that makes one.
+        what: as for :func:`load_extension`.
+        fits: whether an object is what is wanted.
+        right: what that is, for messages.
+
+    Raises:
+        InputError: as :func:`load_extension`, or it cannot be made, or is something else.
+    """
+    found = load_extension(text, what)
+    if not fits(found) and callable(found):
+        try:
+            found = found()
+        except Exception as problem:  # the user's code can raise anything
+            detail = f"{type(problem).__name__}: {problem!s:.120}"
+            raise InputError(f"{what} {text}: cannot be made without arguments: {detail}") from problem
+    if not fits(found):
+        raise InputError(f"{what} {text}: is {found!r:.60}, give {right}")
     return found
 
 

@@ -88,8 +88,8 @@ def test_a_name_is_a_class_a_function_or_a_generator(own_module: str, name: str,
         ("Pear", "did you mean 'Pair'"),
         ("Greedy", "cannot be made without arguments: TypeError"),
         ("fail", "cannot be made without arguments: ValueError: out of orders"),
-        ("forget", "made None, which has no generate"),
-        ("NUMBER", "is 3, name an object with generate"),
+        ("forget", "is None, give an object with generate"),
+        ("NUMBER", "is 3, give an object with generate"),
     ],
 )
 def test_a_wrong_name_is_told_in_one_line(own_module: str, name: str, told: str) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from packenv.errors import InputError
-from packenv.extensions import load_extension
+from packenv.extensions import made_extension
 from packenv.order_generators.records import GeneratedOrder, OrderGenerator
 from packenv.order_generators.spec import DEFAULT_SPEC, Names, from_spec
 
@@ -30,7 +30,9 @@ def make_generator(
     if choice is None or isinstance(choice, Mapping):
         return from_spec(choice or DEFAULT_SPEC, catalogue)
     if isinstance(choice, str):
-        return _named(choice)
+        what = "an object with generate(rng), or a class or function without arguments that makes one"
+        made: OrderGenerator = made_extension(choice, "order_generator", _generates, what)
+        return made
     if not _generates(choice):
         raise InputError(
             f"order_generator is {choice!r:.60}, give a specification, an object with generate(rng), or its "
@@ -56,28 +58,6 @@ def next_order(generator: OrderGenerator, rng: np.random.Generator) -> Generated
             "packenv.order_generators.GeneratedOrder(items=...)"
         )
     return order
-
-
-def _named(text: str) -> OrderGenerator:
-    found = load_extension(text, "order_generator")
-    if _generates(found):
-        return cast(OrderGenerator, found)
-    if not callable(found):
-        raise InputError(
-            f"order_generator {text}: is {found!r:.60}, name an object with generate(rng), or a class or "
-            "function without arguments that makes one"
-        )
-    try:
-        made = found()
-    except Exception as problem:
-        # The user's code can raise anything.
-        raise InputError(
-            f"order_generator {text}: cannot be made without arguments: {type(problem).__name__}: "
-            f"{problem!s:.120}"
-        ) from problem
-    if not _generates(made):
-        raise InputError(f"order_generator {text}: made {made!r:.60}, which has no generate(rng)")
-    return cast(OrderGenerator, made)
 
 
 def _generates(thing: object) -> bool:

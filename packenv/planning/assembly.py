@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.extensions import load_extension
+from packenv.extensions import load_extension, made_extension
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
@@ -88,7 +88,8 @@ def heuristic_of(options: PlanOptions) -> Heuristic:
         return given
     if given in HEURISTICS:
         return heuristic_named(given, options.tie_break)
-    found: Heuristic = _own(given, "heuristic")
+    _refuse_nameless(given, "heuristic")
+    found: Heuristic = load_extension(given, "heuristic")
     if not callable(found):
         raise InputError(f"heuristic {given}: is no function of candidates and a random generator")
     return found
@@ -105,21 +106,19 @@ def own_constraint(given: str | Constraint) -> Constraint:
     """
     if isinstance(given, Constraint):
         return given
-    found = _own(given, "constraint")
-    if not isinstance(found, Constraint) and callable(found):
-        try:
-            found = found()
-        except TypeError as problem:
-            raise InputError(f"constraint {given}: cannot be made without arguments ({problem})") from problem
-    if not isinstance(found, Constraint):
-        raise InputError(f"constraint {given}: is no constraint, derive its class from packenv.Constraint")
-    return found
+    _refuse_nameless(given, "constraint")
+    made: Constraint = made_extension(
+        given,
+        "constraint",
+        lambda found: isinstance(found, Constraint),
+        "an object of a class that is derived from packenv.Constraint",
+    )
+    return made
 
 
-def _own(name: str, what: str) -> Any:
+def _refuse_nameless(name: str, what: str) -> None:
     if name == OWN:
         raise InputError(f"this plan was made with an own {what} that has no name: give the {what} again")
-    return load_extension(name, what)
 
 
 def constraints_of(
