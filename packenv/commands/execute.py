@@ -69,9 +69,9 @@ def run(arguments: argparse.Namespace) -> int:
     physics = as_physics_items(items, parts)
     tasks = _tasks(plan, physics, arguments)
 
+    from packenv.quiet import engine_muted
     from packenv.sim.camera import Recorder
     from packenv.sim.disturbance import Disturbance
-    from packenv.sim.quiet import engine_muted
     from packenv.sim.session import ExecutionConfig
 
     config = _config(ExecutionConfig(), arguments)

@@ -1,6 +1,6 @@
 """Physics: the one package that imports pybullet."""
 
-from packenv.sim.quiet import engine_muted
+from packenv.quiet import engine_muted
 
 with engine_muted():
     # PyBullet tells its build time when it is first imported.
