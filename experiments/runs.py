@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from agents.workers import run_jobs
+from packenv.agents.workers import run_jobs
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import open_catalogue
