@@ -123,6 +123,8 @@ def _geometry(arguments: argparse.Namespace) -> Geometry:
             "--stability physics: needs force balance, which --constraints overlap leaves out; "
             "give --constraints stability or robot"
         )
+    import packenv.sim  # noqa: F401  says before the planning where there is no physics
+
     if arguments.geometry == "mesh":
         asks = "--stability physics" if physics else f"--rehearse {arguments.rehearse}"
         raise InputError(f"{asks}: knows convex parts alone; leave --geometry mesh out")
