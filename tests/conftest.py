@@ -12,6 +12,7 @@ import pytest
 from packenv.errors import PhysicsError
 
 PHYSICS = importlib.util.find_spec("pybullet") is not None
+NO_PHYSICS = "pybullet is not installed: it is there for Python 3.10 and 3.11 on Linux x86-64"
 REPO = Path(__file__).resolve().parents[1]
 
 

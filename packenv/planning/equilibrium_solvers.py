@@ -328,16 +328,16 @@ _REFERENCE_SOLVERS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 def _faces(eq: Equilibrium) -> Any:
     """Paper eqs. 3 and 4 as a sparse matrix: forces push, friction stays inside each face."""
-    from scipy.sparse import block_diag
+    from scipy.sparse import block_diag, coo_array, csr_matrix
 
     first, second = tangents(eq.contacts.normals, eq.up)
     inner = eq.mu * np.cos(np.pi / eq.sides)
     faces = 2.0 * np.pi * (np.arange(eq.sides) + 0.5) / eq.sides
     blocks = [
-        np.vstack([n, inner * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)])
+        coo_array(np.vstack([n, inner * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)]))
         for n, t, u in zip(eq.contacts.normals, first, second, strict=True)
     ]
-    return block_diag(blocks, format="csr")
+    return csr_matrix(block_diag(blocks))
 
 
 def _balance(eq: Equilibrium) -> FloatArray:
