@@ -1,6 +1,6 @@
 """Agents for ``RobotPack-v0``: the paper's heuristics and planner, a random one, and a learned one."""
 
-from agents.protocol import Agent
-from agents.registry import NAMES, make
+from .protocol import Agent
+from .registry import NAMES, make
 
 __all__ = ["NAMES", "Agent", "make"]

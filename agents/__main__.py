@@ -1,4 +1,4 @@
-"""Compare agents in the environment: ``python -m agents --agent hm,dblf,planner --episodes 20``.
+"""Compare agents in the environment: ``python -m packenv.agents --agent hm,dblf,planner --episodes 20``.
 
 Every agent gets the same orders. With ``--out``, each finished episode is a line of that file at once, and a
 run that was stopped goes on where it was. Exit codes: 0 done, 1 an episode failed, 2 bad input.
@@ -15,12 +15,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.registry import NAMES, check_name
 from packenv.commands.reporting import reported
 from packenv.errors import InputError
 
+from .registry import NAMES, check_name
+
 if TYPE_CHECKING:
-    from agents.running import EpisodeJob, EpisodeRecord, FailedEpisode, Setting
+    from .running import EpisodeJob, EpisodeRecord, FailedEpisode, Setting
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -68,7 +69,7 @@ def read_document(text: str, option: str) -> dict[str, object]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m agents",
+        prog=f"python -m {__package__}",
         description="Run agents through episodes of RobotPack-v0 and compare them on the same orders.",
         epilog="Exit codes: 0 done, 1 an episode failed, 2 bad input.",
     )
@@ -109,9 +110,10 @@ def _run(arguments: argparse.Namespace) -> int:
     orders = _document(arguments.order_generator, "--order-generator")
 
     # Only now: --help and mistakes need not wait for the planner's libraries.
-    from agents.running import AgentSpec, EpisodeRecord, FailedEpisode, Setting, episode_jobs
-    from agents.summary import summarize, table
     from packenv.env_config import PackConfig
+
+    from .running import AgentSpec, EpisodeRecord, FailedEpisode, Setting, episode_jobs
+    from .summary import summarize, table
 
     setting = Setting(PackConfig.from_mapping(config or {}), orders)
     agents = [AgentSpec(name, given) for name, given in options.items()]
@@ -144,8 +146,9 @@ def _results(
     """What became of every job, in this run or, where rows were kept, in an earlier one."""
     from tqdm import tqdm
 
-    from agents.running import EpisodeRecord, record_row, run_episodes
     from packenv.io.rows import RowFile
+
+    from .running import EpisodeRecord, record_row, run_episodes
 
     rows = None if arguments.out is None else RowFile(arguments.out)
     wanted = {job.key for job in jobs}
@@ -171,7 +174,7 @@ def _agent_options(arguments: argparse.Namespace) -> dict[str, Mapping[str, obje
         if names.count(name) > 1:
             raise InputError(f"--agent {arguments.agent}: names {name} more than once")
     if "learned" in names and arguments.weights is None:
-        raise InputError("agent learned: needs --weights DIR, a folder that python -m train wrote")
+        raise InputError("agent learned: needs --weights DIR, a folder that python -m packenv.train wrote")
     if "learned" not in names and (arguments.weights is not None or arguments.trust):
         raise InputError("--weights and --trust: are for the agent learned, which --agent does not name")
     learned = {"weights": arguments.weights, "trust": arguments.trust}

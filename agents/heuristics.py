@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.protocol import Observation
 from packenv.observation import FEATURES
 from packenv.types import IntArray
+
+from .protocol import Observation
 
 
 def first_in_rank(ranks: NDArray[np.floating[Any]], mask: NDArray[Any], *, below: float = np.inf) -> IntArray:

@@ -1,4 +1,4 @@
-"""The learned agent: a placement policy that ``python -m train`` has trained."""
+"""The learned agent: a placement policy that ``python -m packenv.train`` has trained."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from agents.protocol import Observation
 from packenv.errors import InputError
 from packenv.types import IntArray
+
+from .protocol import Observation
 
 _INSTALL = "pip install 'robotpack[train]'"
 
@@ -26,8 +27,9 @@ class LearnedAgent:
         """Read the policy.
 
         Args:
-            weights: a folder with ``policy.safetensors`` and ``config.json``, as ``python -m train`` writes
-                it, or a ``.zip`` that Stable-Baselines3's MaskablePPO saved.
+            weights: a folder with ``policy.safetensors`` and ``config.json``, as
+                ``python -m packenv.train`` writes it, or a ``.zip`` that Stable-Baselines3's
+                MaskablePPO saved.
             trust: allow such a ``.zip``, which can run any code while it is read.
 
         Raises:
@@ -38,11 +40,11 @@ class LearnedAgent:
         if weights.is_dir():
             self._policy: _Policy = _NetworkPolicy(weights)
         elif not weights.exists():
-            raise InputError(f"{weights}: does not exist, give a folder that python -m train wrote")
+            raise InputError(f"{weights}: does not exist, give a folder that python -m packenv.train wrote")
         elif not trust:
             raise InputError(
-                f"{weights}: is not a folder that python -m train wrote; a Stable-Baselines3 zip can run any "
-                "code while it is read, so it is read with --trust alone"
+                f"{weights}: is not a folder that python -m packenv.train wrote; a Stable-Baselines3 zip "
+                "can run any code while it is read, so it is read with --trust alone"
             )
         else:
             self._policy = _ZipPolicy(weights)
@@ -76,8 +78,8 @@ class _NetworkPolicy:
 
     def __init__(self, folder: Path) -> None:
         try:
-            from agents.placement_network import best_actions
-            from agents.policy_files import read_policy
+            from .placement_network import best_actions
+            from .policy_files import read_policy
         except ModuleNotFoundError as problem:
             raise _missing(problem, "a learned policy") from None
         self._network, self._best_actions = read_policy(folder), best_actions

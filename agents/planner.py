@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from agents.heuristics import RankAgent
 from packenv.errors import InputError
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.packer import MAX_CHECKED
+
+from .heuristics import RankAgent
 
 
 class PlannerAgent(RankAgent):

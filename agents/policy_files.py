@@ -17,10 +17,11 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 
-from agents.placement_network import NetworkConfig, ObservationLayout, PlacementNetwork
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
+
+from .placement_network import NetworkConfig, ObservationLayout, PlacementNetwork
 
 WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
@@ -80,7 +81,7 @@ def read_config(folder: Path) -> dict[str, Any]:
         document: dict[str, Any] = json.loads(path.read_bytes())
     except OSError as problem:
         raise InputError(
-            f"{path}: cannot be read ({problem.strerror}), give a folder that python -m train wrote"
+            f"{path}: cannot be read ({problem.strerror}), give a folder that python -m packenv.train wrote"
         ) from None
     except ValueError as problem:
         raise InputError(f"{path}: is not JSON ({problem})") from None

@@ -8,19 +8,20 @@ import inspect
 from types import MappingProxyType
 from typing import cast
 
-from agents.protocol import Agent
 from packenv.errors import InputError
+
+from .protocol import Agent
 
 _CLASSES = MappingProxyType(
     {
-        "hm": ("agents.heuristics", "HM"),
-        "dblf": ("agents.heuristics", "DBLF"),
-        "mta": ("agents.heuristics", "MTA"),
-        "minz": ("agents.heuristics", "MinZ"),
-        "first-fit": ("agents.heuristics", "FirstFit"),
-        "random": ("agents.heuristics", "Random"),
-        "planner": ("agents.planner", "PlannerAgent"),
-        "learned": ("agents.learned", "LearnedAgent"),
+        "hm": (".heuristics", "HM"),
+        "dblf": (".heuristics", "DBLF"),
+        "mta": (".heuristics", "MTA"),
+        "minz": (".heuristics", "MinZ"),
+        "first-fit": (".heuristics", "FirstFit"),
+        "random": (".heuristics", "Random"),
+        "planner": (".planner", "PlannerAgent"),
+        "learned": (".learned", "LearnedAgent"),
     }
 )
 
@@ -51,7 +52,7 @@ def make(name: str, **options: object) -> Agent:
     """
     check_name(name)
     module, class_name = _CLASSES[name]
-    found = getattr(importlib.import_module(module), class_name)
+    found = getattr(importlib.import_module(module, __package__), class_name)
     known = inspect.signature(found).parameters
     for option in options:
         if option not in known:

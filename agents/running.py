@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from agents.protocol import Agent
-from agents.registry import make
-from agents.workers import run_jobs
 from packenv.env_config import PackConfig
 from packenv.io.catalogues import BUILTIN
 from packenv.io.rows import row_key
 from packenv.version import __version__
+
+from .protocol import Agent
+from .registry import make
+from .workers import run_jobs
 
 if TYPE_CHECKING:
     import gymnasium
@@ -95,7 +96,7 @@ class FailedEpisode:
 
 @dataclass(frozen=True)
 class AgentSpec:
-    """An agent by its name, with its options as :func:`agents.make` takes them."""
+    """An agent by its name, with its options as :func:`packenv.agents.make` takes them."""
 
     name: str
     options: Mapping[str, object] = field(default_factory=dict)
@@ -104,7 +105,7 @@ class AgentSpec:
         """The agent.
 
         Raises:
-            InputError: as :func:`agents.make`.
+            InputError: as :func:`packenv.agents.make`.
         """
         return make(self.name, **self.options)
 

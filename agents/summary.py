@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.running import EpisodeRecord
+from .running import EpisodeRecord
 
 _Z = statistics.NormalDist().inv_cdf(0.975)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from agents.workers import run_jobs
+from packenv.agents.workers import run_jobs
 from packenv.errors import InputError
 from packenv.io.rows import RowFile
 from packenv.planning.options import PlanOptions

@@ -108,10 +108,13 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Raises:
             InputError: a setting is wrong, or the catalogue cannot be used.
+            PhysicsError: physics or pictures are asked for and pybullet is not installed.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode is {render_mode!r:.60}, give 'human', 'rgb_array' or None")
         self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
+        if self.config.physics or render_mode is not None:
+            import packenv.sim  # noqa: F401  says now where there is no physics, which draws the pictures too
         self.render_mode = render_mode
         self._choices = (order_generator, reward_fn)
         self._reward = make_reward(reward_fn)

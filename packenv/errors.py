@@ -50,5 +50,9 @@ class ContainerError(InputError):
     """A container size or box id is wrong."""
 
 
+class PhysicsError(InputError):
+    """Physics is asked for where its engine, PyBullet, is not installed."""
+
+
 class PlanError(InputError):
     """A plan file is wrong, or does not match the catalogue that it is read with."""

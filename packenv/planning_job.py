@@ -40,8 +40,15 @@ class PlanningJob:
     watcher: Watcher = SILENT
 
     def load(self, names: Collection[str]) -> None:
-        """Load all that planning will ask for; say what was repaired."""
+        """Load all that planning will ask for; say what was repaired.
+
+        Raises:
+            PhysicsError: physics is asked, and there is no engine.
+            InputError: a mesh cannot be used.
+        """
         options = self.options
+        if options.asks_physics:
+            import packenv.sim  # noqa: F401  says before the planning where there is no engine
         self.shelf.load(
             names,
             fields=options.constraints != "overlap",

@@ -1,1 +1,1 @@
-"""Training of placement policies for ``RobotPack-v0``: ``python -m train --timesteps 20000 --out DIR``."""
+"""Training of policies for ``RobotPack-v0``: ``python -m packenv.train --timesteps 20000 --out DIR``."""

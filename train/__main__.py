@@ -1,4 +1,4 @@
-"""``python -m train``: train a placement policy.
+"""``python -m packenv.train``: train a placement policy.
 
 Exit codes: 0 done, 1 an environment's process died, 2 bad input, 130 stopped. After 1 and 130 ``--resume``
 goes on from the last checkpoint.
@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from agents.__main__ import read_document
+from packenv.agents.__main__ import read_document
 from packenv.commands.reporting import reported
 from packenv.errors import InputError
 
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m train",
+        prog=f"python -m {__package__}",
         description="Train a placement policy with MaskablePPO. Options that are given override --config.",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
@@ -66,15 +66,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> None:
     try:
-        from train.learning import run
+        from .learning import run
     except ModuleNotFoundError as problem:
-        if problem.name is None or problem.name.split(".")[0] in ("agents", "packenv", "train"):
+        if problem.name is None or problem.name.split(".")[0] in ("packenv", "train"):
             raise
         raise InputError(
             f"training needs the package {problem.name}: pip install 'robotpack[train]'"
         ) from None
-    from train.config import TrainConfig
-    from train.runs import RunFolder
+    from .config import TrainConfig
+    from .runs import RunFolder
 
     folder = RunFolder(arguments.out)
     given = {

@@ -12,12 +12,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from packenv.env import PackEnv
 from packenv.io.rows import row_key
-from train.config import TrainConfig
-from train.curve import curve_svg
-from train.environments import held_out_seeds, training_seed
-from train.evaluation import NetworkAgent, evaluate
-from train.policy import PlacementPolicy
-from train.runs import Checkpoint, RandomStates, Row, RunFolder
+
+from .config import TrainConfig
+from .curve import curve_svg
+from .environments import held_out_seeds, training_seed
+from .evaluation import NetworkAgent, evaluate
+from .policy import PlacementPolicy
+from .runs import Checkpoint, RandomStates, Row, RunFolder
 
 
 class Checkpoints(BaseCallback):

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeVar
 
-from agents.placement_network import NetworkConfig
+from packenv.agents.placement_network import NetworkConfig
 from packenv.errors import InputError
 
 T = TypeVar("T")

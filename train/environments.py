@@ -11,7 +11,8 @@ import numpy as np
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor
 
 from packenv.env import PackEnv
-from train.config import TrainConfig
+
+from .config import TrainConfig
 
 _FIRST_HELD_OUT_SEED = 1_900_000_000
 

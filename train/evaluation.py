@@ -7,10 +7,10 @@ from typing import Any
 
 import gymnasium
 
-from agents.placement_network import PlacementNetwork, best_actions
-from agents.protocol import Agent, Observation
-from agents.running import run_episode
-from agents.summary import summarize
+from packenv.agents.placement_network import PlacementNetwork, best_actions
+from packenv.agents.protocol import Agent, Observation
+from packenv.agents.running import run_episode
+from packenv.agents.summary import summarize
 from packenv.types import IntArray
 
 

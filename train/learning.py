@@ -9,17 +9,18 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents import make
-from agents.placement_network import ObservationLayout
-from agents.policy_files import current_layout
+from packenv.agents import make
+from packenv.agents.placement_network import ObservationLayout
+from packenv.agents.policy_files import current_layout
 from packenv.env import PackEnv
 from packenv.env_config import PackConfig
-from train.checkpoints import Checkpoints
-from train.config import TrainConfig
-from train.environments import evaluation_environment, held_out_seeds, training_environments
-from train.evaluation import evaluate
-from train.policy import PlacementPolicy
-from train.runs import Checkpoint, Row, RunFolder
+
+from .checkpoints import Checkpoints
+from .config import TrainConfig
+from .environments import evaluation_environment, held_out_seeds, training_environments
+from .evaluation import evaluate
+from .policy import PlacementPolicy
+from .runs import Checkpoint, Row, RunFolder
 
 BASELINES = ("random", "hm")
 """Agents that a policy is compared with on the held-out episodes."""

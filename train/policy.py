@@ -15,7 +15,7 @@ from sb3_contrib.common.maskable.policies import MaskableMultiInputActorCriticPo
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from agents.placement_network import (
+from packenv.agents.placement_network import (
     Actor,
     Critic,
     Encoder,

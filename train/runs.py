@@ -27,12 +27,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from agents.placement_network import ObservationLayout, PlacementNetwork
-from agents.policy_files import CONFIG_FILE, read_config, write_config, write_weights
+from packenv.agents.placement_network import ObservationLayout, PlacementNetwork
+from packenv.agents.policy_files import CONFIG_FILE, read_config, write_config, write_weights
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.rows import RowFile
-from train.config import TrainConfig
+
+from .config import TrainConfig
 
 Row = dict[str, Any]
 

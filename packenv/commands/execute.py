@@ -34,6 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Execute a plan; returns the exit code: 1 where it is no success."""
     outputs = {f"--{name}": getattr(arguments, name) for name in ("out", "gif", "html")}
     check_outputs(outputs, arguments.plan)
+    import packenv.sim  # noqa: F401  says before anything is loaded where there is no physics
+
     if arguments.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:
@@ -55,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _executed(plan: Plan, arguments: argparse.Namespace) -> ExecutedPlan:
     from packenv.carrying_out import execute
-    from packenv.sim.quiet import engine_muted
+    from packenv.quiet import engine_muted
     from packenv.sim.world import EngineError
 
     with engine_muted() if arguments.gui else nullcontext():

@@ -21,6 +21,7 @@ import numpy as np
 
 from packenv.planning.equilibrium import Equilibrium, tangents
 from packenv.planning.equilibrium_kernels import least_squares
+from packenv.quiet import engine_muted
 from packenv.types import FloatArray, IntArray
 
 Status = Literal["stable", "unstable", "undecided"]
@@ -153,15 +154,30 @@ def _last_resort(eq: Equilibrium) -> Solution:
 
 def highs_solver() -> Any:
     """This thread's HiGHS object, with RobotPack's options; making one costs 0.2 ms."""
-    from highspy import Highs
-
-    make: Any = Highs  # highspy's constructor has no annotations
     solver = getattr(_local, "highs", None)
     if solver is None:
-        solver = _local.highs = make()
+        solver = _local.highs = _silent_highs()
         for name, value in _DEFAULTS.items():
             solver.setOptionValue(name, value)
     return solver
+
+
+def _silent_highs() -> Any:
+    """A HiGHS object that prints nothing, not even when it is made.
+
+    From 1.16 on, HiGHS tells its version on standard output as soon as its callbacks are set up, which
+    the constructor does before anybody can set an option.
+    """
+    from highspy import Highs
+
+    base: Any = Highs  # its methods have no annotations
+
+    class Silent(base):  # type: ignore[misc]
+        def enableCallbacks(self) -> None:  # noqa: N802
+            self.setOptionValue("output_flag", False)
+            super().enableCallbacks()
+
+    return Silent()
 
 
 def pass_program(
@@ -289,7 +305,8 @@ def solve_cvxpy(eq: Equilibrium) -> Solution:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an inaccurate answer is seen in its status
             try:
-                problem.solve(solver=name, **options)
+                with engine_muted():  # CVXPY makes a HiGHS of its own, which tells its version
+                    problem.solve(solver=name, **options)
             except (cp.SolverError, ValueError):
                 continue
         solver = f"cvxpy/{name}"
@@ -311,16 +328,16 @@ _REFERENCE_SOLVERS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 def _faces(eq: Equilibrium) -> Any:
     """Paper eqs. 3 and 4 as a sparse matrix: forces push, friction stays inside each face."""
-    from scipy.sparse import block_diag
+    from scipy.sparse import block_diag, coo_array, csr_matrix
 
     first, second = tangents(eq.contacts.normals, eq.up)
     inner = eq.mu * np.cos(np.pi / eq.sides)
     faces = 2.0 * np.pi * (np.arange(eq.sides) + 0.5) / eq.sides
     blocks = [
-        np.vstack([n, inner * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)])
+        coo_array(np.vstack([n, inner * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)]))
         for n, t, u in zip(eq.contacts.normals, first, second, strict=True)
     ]
-    return block_diag(blocks, format="csr")
+    return csr_matrix(block_diag(blocks))
 
 
 def _balance(eq: Equilibrium) -> FloatArray:

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from packenv.errors import InputError
 from packenv.geometry.transforms import rotation_to_quaternion
+from packenv.quiet import engine_muted
 from packenv.robot.cell import Cell
 from packenv.robot.shapes import PRIMITIVES
 from packenv.robot.urdf import urdf_text
 from packenv.sim.backdrop import Standing, View, backdrop
 from packenv.sim.closing import Closing
-from packenv.sim.quiet import engine_muted
 from packenv.sim.view_meshes import view_mesh
 from packenv.types import Container, FloatArray, Item
 

@@ -9,8 +9,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-import agents
-from agents.planner import PlannerAgent
+from packenv import agents
+from packenv.agents.planner import PlannerAgent
 from packenv.errors import InputError
 from packenv.observation import HEURISTIC_COLUMNS
 from tests.agents.observations import random_observation, rank, stacked
@@ -172,6 +172,7 @@ def test_a_mistake_is_named_in_one_line(name: str, options: dict[str, object], s
 
 
 def test_agents_come_without_torch() -> None:
-    code = f"import sys, agents; [agents.make(n) for n in {WITHOUT_WEIGHTS}]; print('torch' in sys.modules)"
+    use = f"[agents.make(n) for n in {WITHOUT_WEIGHTS}]; print('torch' in sys.modules)"
+    code = f"import sys; from packenv import agents; {use}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-import agents
-from agents.planner import PlannerAgent
-from agents.protocol import Agent
+from packenv import agents
+from packenv.agents.planner import PlannerAgent
+from packenv.agents.protocol import Agent
 from packenv.config import GridConfig
 from packenv.env import PackEnv
 from packenv.env_config import PackConfig

@@ -9,15 +9,15 @@ import sys
 import numpy as np
 import pytest
 
-from agents import make
+from packenv.agents import make
 from packenv.errors import InputError
 from tests.observation_samples import PIXEL, observations
 
 torch = pytest.importorskip("torch", reason="the learned agent needs torch (pip install 'robotpack[train]')")
 
-from agents.learned import LearnedAgent  # noqa: E402
-from agents.placement_network import NetworkConfig, PlacementNetwork  # noqa: E402
-from agents.policy_files import current_layout, read_policy, write_config, write_weights  # noqa: E402
+from packenv.agents.learned import LearnedAgent  # noqa: E402
+from packenv.agents.placement_network import NetworkConfig, PlacementNetwork  # noqa: E402
+from packenv.agents.policy_files import current_layout, read_policy, write_config, write_weights  # noqa: E402
 
 SMALL = NetworkConfig(channels=4, embedding=16, context=24, patch=4)
 
@@ -56,9 +56,10 @@ def test_it_takes_the_valid_action_with_the_largest_logit(policy):
 def test_torch_is_loaded_with_the_first_policy_and_stable_baselines_never(policy):
     folder, _ = policy
     program = (
-        "import sys; from agents import make; import agents.learned; assert 'torch' not in sys.modules; "
+        "import sys; from packenv.agents import make; import packenv.agents.learned; "
+        "assert 'torch' not in sys.modules; "
         f"make('learned', weights={str(folder)!r}); assert 'torch' in sys.modules; "
-        "assert not {'stable_baselines3', 'sb3_contrib', 'train'} & set(sys.modules)"
+        "assert not {'stable_baselines3', 'sb3_contrib', 'packenv.train'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
 
@@ -134,6 +135,6 @@ def test_a_trusted_zip_that_is_none_is_one_line(tmp_path):
 
 def test_a_package_that_is_not_installed_is_one_line(policy, monkeypatch):
     monkeypatch.setitem(sys.modules, "safetensors", None)
-    monkeypatch.delitem(sys.modules, "agents.policy_files")
+    monkeypatch.delitem(sys.modules, "packenv.agents.policy_files")
     with pytest.raises(InputError, match=r"a learned policy needs the package safetensors: pip install"):
         LearnedAgent(policy[0])

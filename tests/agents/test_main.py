@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.__main__ import main, read_document
+from packenv.agents.__main__ import main, read_document
 from packenv.errors import InputError
 
 

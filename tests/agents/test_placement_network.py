@@ -15,12 +15,12 @@ torch = pytest.importorskip(
     "torch", reason="the placement policy needs torch (pip install 'robotpack[train]')"
 )
 
-from agents.placement_network import (  # noqa: E402
+from packenv.agents.placement_network import (  # noqa: E402
     NetworkConfig,
     PlacementNetwork,
     best_actions,
 )
-from agents.policy_files import current_layout  # noqa: E402
+from packenv.agents.policy_files import current_layout  # noqa: E402
 
 SMALL = NetworkConfig(channels=4, embedding=16, context=24, patch=4)
 

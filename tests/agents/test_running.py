@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from agents.__main__ import main
-from agents.running import (
+from packenv.agents.__main__ import main
+from packenv.agents.running import (
     AgentSpec,
     EpisodeRecord,
     FailedEpisode,
@@ -157,9 +157,9 @@ def test_the_table_has_a_line_an_agent(capsys: pytest.CaptureFixture[str]) -> No
 def test_an_episode_that_fails_costs_itself_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import agents.running
+    from packenv.agents import running
 
-    real = agents.running.run_episode
+    real = running.run_episode
 
     def failing(env: Any, agent: Any, *, name: str, episode: int, seed: int) -> EpisodeRecord:
         if name == "hm" and episode == 1:
@@ -167,7 +167,7 @@ def test_an_episode_that_fails_costs_itself_alone(
         return real(env, agent, name=name, episode=episode, seed=seed)
 
     out = tmp_path / "rows.jsonl"
-    monkeypatch.setattr(agents.running, "run_episode", failing)
+    monkeypatch.setattr(running, "run_episode", failing)
     assert main([*ARGUMENTS, "--episodes", "2", "--out", str(out), "--json"]) == 1
     said = capsys.readouterr()
     document = json.loads(said.out)

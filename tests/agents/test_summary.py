@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from agents.running import EpisodeRecord
-from agents.summary import mean, proportion, summarize, table
+from packenv.agents.running import EpisodeRecord
+from packenv.agents.summary import mean, proportion, summarize, table
 
 
 def record(packed: int, reward: float, *, agent: str = "hm", steps: int = 10) -> EpisodeRecord:
@@ -78,7 +78,7 @@ def test_columns_of_the_table_stand_under_each_other() -> None:
 def test_a_record_survives_its_row() -> None:
     import json
 
-    from agents.running import record_row
+    from packenv.agents.running import record_row
 
     before = record(7, 1.5)
     row = json.loads(json.dumps(record_row("k", before)))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.workers import run_jobs
+from packenv.agents.workers import run_jobs
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ import os, sys, time
 from dataclasses import dataclass
 from pathlib import Path
 
-from agents.workers import run_jobs
+from packenv.agents.workers import run_jobs
 
 @dataclass(frozen=True)
 class Job:

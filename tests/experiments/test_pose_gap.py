@@ -10,8 +10,8 @@ from hypothesis import given, strategies as st
 
 from experiments.pose_gap import pose_gap
 from packenv.geometry.transforms import yaw_rotation
-from packenv.types import Pose
 from packenv.sim.world import World
+from packenv.types import Pose
 from tests.sim.bodies import BOX, ball, brick
 
 HOME: Pose = (np.eye(3), np.array([0.1, 0.1, 0.0]))

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pybullet as bullet
 import pytest
 import trimesh
 
 from packenv.geometry.stable_poses import pose_comparer, stable_facets, stable_poses
 from packenv.types import Item
+from tests.conftest import NO_PHYSICS
+
+bullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
 CATALOGUE = Path(__file__).resolve().parents[2] / "assets" / "catalogue"
 

@@ -3,7 +3,6 @@
 import xml.etree.ElementTree as ET
 
 import numpy as np
-import pybullet
 import pytest
 import trimesh
 
@@ -12,7 +11,10 @@ from packenv.robot import gripper, shapes, tx90
 from packenv.robot.shapes import Primitive
 from packenv.robot.tx90_data import LINK_MASSES, LOWER, UPPER
 from packenv.robot.urdf import mass_properties, urdf_text
+from tests.conftest import NO_PHYSICS
 from tests.robot.sampling import random_joints
+
+pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
 URDF = robot_urdf()
 

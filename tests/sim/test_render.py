@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 
 import numpy as np
-import pybullet
 import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
@@ -17,7 +16,10 @@ from packenv.sim.backdrop import Standing, View, backdrop
 from packenv.sim.render import Placed, Renderer, _home
 from packenv.sim.view_meshes import view_mesh
 from packenv.types import Container, FloatArray, Item
+from tests.conftest import NO_PHYSICS
 from tests.shapes import ball, box, cup, cylinder
+
+pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
 CONTAINER = Container(0.32, 0.32, 0.30)
 SIZE = (160, 120)

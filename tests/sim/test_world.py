@@ -7,13 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import pybullet
 import pytest
 
 from packenv.sim.rest import RestRule, settle
 from packenv.sim.world import GRAVITY, SCALE, World, WorldConfig
 from packenv.types import Container
+from tests.conftest import NO_PHYSICS
 from tests.sim.bodies import BOX, ball, brick
+
+pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
 SKIN = 0.001 / SCALE
 """Bullet's margin around a mesh, m."""

@@ -10,7 +10,7 @@ from packenv.errors import InputError
 
 pytest.importorskip("torch", reason="training needs torch (pip install 'robotpack[train]')")
 
-from train.config import PPOConfig, TrainConfig
+from packenv.train.config import PPOConfig, TrainConfig
 
 
 def test_it_survives_json():

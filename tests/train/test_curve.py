@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from train.curve import curve_svg
+from packenv.train.curve import curve_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 

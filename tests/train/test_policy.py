@@ -12,9 +12,9 @@ pytest.importorskip("sb3_contrib", reason="training needs sb3-contrib (pip insta
 
 from gymnasium import spaces  # noqa: E402
 
-from agents.placement_network import NetworkConfig, best_actions  # noqa: E402
-from agents.policy_files import current_layout  # noqa: E402
-from train.policy import PlacementPolicy  # noqa: E402
+from packenv.agents.placement_network import NetworkConfig, best_actions  # noqa: E402
+from packenv.agents.policy_files import current_layout  # noqa: E402
+from packenv.train.policy import PlacementPolicy  # noqa: E402
 
 SMALL = NetworkConfig(channels=4, embedding=16, context=24, patch=4)
 

@@ -12,10 +12,10 @@ from packenv.errors import InputError
 
 torch = pytest.importorskip("torch", reason="training needs torch (pip install 'robotpack[train]')")
 
-from agents.placement_network import NetworkConfig, PlacementNetwork  # noqa: E402
-from agents.policy_files import current_layout, read_policy  # noqa: E402
-from train.config import TrainConfig  # noqa: E402
-from train.runs import Checkpoint, RandomStates, RunFolder  # noqa: E402
+from packenv.agents.placement_network import NetworkConfig, PlacementNetwork  # noqa: E402
+from packenv.agents.policy_files import current_layout, read_policy  # noqa: E402
+from packenv.train.config import TrainConfig  # noqa: E402
+from packenv.train.runs import Checkpoint, RandomStates, RunFolder  # noqa: E402
 
 SMALL = NetworkConfig(channels=4, embedding=16, context=24, patch=4)
 
@@ -90,7 +90,9 @@ def test_a_kill_between_checkpoint_and_row_loses_no_row(folder, monkeypatch, mom
 
     with monkeypatch.context() as patched:
         target = (
-            "train.runs.write_weights" if moment == "before the weights" else "packenv.io.rows.RowFile.append"
+            "packenv.train.runs.write_weights"
+            if moment == "before the weights"
+            else "packenv.io.rows.RowFile.append"
         )
         patched.setattr(target, killed)
         with pytest.raises(KeyboardInterrupt):

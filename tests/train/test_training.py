@@ -18,14 +18,14 @@ pytest.importorskip("sb3_contrib", reason="training needs sb3-contrib (pip insta
 
 from sb3_contrib import MaskablePPO  # noqa: E402
 
-from agents import make  # noqa: E402
-from agents.policy_files import read_policy  # noqa: E402
+from packenv.agents import make  # noqa: E402
+from packenv.agents.policy_files import read_policy  # noqa: E402
 from packenv.env import PackEnv  # noqa: E402
-from train.__main__ import main  # noqa: E402
-from train.config import TrainConfig  # noqa: E402
-from train.environments import training_environments  # noqa: E402
-from train.learning import new_model, run  # noqa: E402
-from train.runs import RunFolder  # noqa: E402
+from packenv.train.__main__ import main  # noqa: E402
+from packenv.train.config import TrainConfig  # noqa: E402
+from packenv.train.environments import training_environments  # noqa: E402
+from packenv.train.learning import new_model, run  # noqa: E402
+from packenv.train.runs import RunFolder  # noqa: E402
 
 ENV = {
     "mask": "legal",
@@ -173,13 +173,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, options, mes
 
 def test_a_package_that_is_not_installed_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
-    monkeypatch.delitem(sys.modules, "train.learning")
+    monkeypatch.delitem(sys.modules, "packenv.train.learning")
     assert main(["--out", str(tmp_path / "run")]) == 2
     assert "training needs the package sb3_contrib: pip install" in capsys.readouterr().err
 
 
 def _start(folder: Path, *options: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "train", "--out", str(folder), *options]
+    command = [sys.executable, "-m", "packenv.train", "--out", str(folder), *options]
     root = Path(__file__).resolve().parents[2]
     return subprocess.Popen(command, cwd=root, stdout=subprocess.DEVNULL, start_new_session=True)
 
@@ -223,8 +223,8 @@ def test_a_worker_that_dies_is_one_line(tmp_path, monkeypatch, capsys):
         if "timesteps" in row:
             made[0].venv.processes[1].kill()
 
-    monkeypatch.setattr("train.learning.training_environments", remembered)
-    monkeypatch.setattr("train.__main__._report", kill_one)
+    monkeypatch.setattr("packenv.train.learning.training_environments", remembered)
+    monkeypatch.setattr("packenv.train.__main__._report", kill_one)
     config = json.dumps({**SMALL, "timesteps": 10_000, "workers": 2})
     assert main(["--out", str(tmp_path / "run"), "--config", config]) == 1
     assert "an environment's process died" in capsys.readouterr().err
