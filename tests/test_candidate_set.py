@@ -8,32 +8,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.candidate_set import CandidateSet, Memory, choose
+from packenv.candidate_set import CandidateSet, choose
 from packenv.observation import HEURISTIC_COLUMNS
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.inquiry import Memory
 from packenv.planning.packing import Pile
 from packenv.planning.scores import HEURISTICS
-from packenv.types import Container, OrientedItem
+from packenv.types import Container
 from tests.env_samples import make_env
 
 BOX = Container(0.16, 0.12, 0.10)
+COLUMNS = [HEURISTICS[name] for name in HEURISTIC_COLUMNS]
 
 
-class Picky:
+class Picky(Constraint):
     """Refuses all but some candidates, by a hash of their place, and counts how often it is asked."""
-
-    name = "picky"
 
     def __init__(self, share: float) -> None:
         self.share = share
         self.asked: Counter[tuple[int, int, int]] = Counter()
-
-    def start(self, resting: Any = ()) -> None:
-        return None
-
-    def objection(self, oriented: OrientedItem) -> str | None:
-        return None
 
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         self.asked[id(trial.oriented), trial.ix, trial.iy] += 1
@@ -45,14 +39,12 @@ class Picky:
 
 def chosen(size: int, picky: Picky, most: int = 30, step: int = 1) -> CandidateSet | None:
     env = make_env(mask="legal")
-    orientations = env.unwrapped._shelf.prepared("soap_bar").orientations
+    orientations = env.unwrapped._shelf.prepared["soap_bar"].orientations
     rng = np.random.default_rng(0)
     surface = ContainerMap.empty(BOX, 0.004)
     surface.heights[:] = (rng.integers(0, 20, surface.heights.shape) * 2**-10).astype(np.float32)
     pile = Pile(surface, (None,))
-    return choose(
-        orientations, (picky,), pile, heuristics=HEURISTIC_COLUMNS, step=step, size=size, max_checked=most
-    )
+    return choose(orientations, (picky,), pile, heuristics=COLUMNS, step=step, size=size, max_checked=most)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 1.0])
@@ -96,18 +88,16 @@ def test_a_set_with_room_for_all_holds_all() -> None:
 
 def test_nothing_legal_is_no_set() -> None:
     env = make_env(mask="legal")
-    orientations = env.unwrapped._shelf.prepared("soap_bar").orientations
+    orientations = env.unwrapped._shelf.prepared["soap_bar"].orientations
     full = ContainerMap.empty(BOX, 0.004)
     full.heights[:] = 0.1
-    found = choose(
-        orientations, (), Pile(full, ()), heuristics=HEURISTIC_COLUMNS, step=5, size=8, max_checked=9
-    )
+    found = choose(orientations, (), Pile(full, ()), heuristics=COLUMNS, step=5, size=8, max_checked=9)
     assert found is None
 
 
 def test_what_is_remembered_is_not_asked_again_and_changes_nothing() -> None:
     env = make_env(mask="legal")
-    orientations = env.unwrapped._shelf.prepared("soap_bar").orientations
+    orientations = env.unwrapped._shelf.prepared["soap_bar"].orientations
     picky, memory = Picky(0.3), Memory()
     pile = Pile(ContainerMap.empty(BOX, 0.004), (None,))
     first, second = (
@@ -115,7 +105,7 @@ def test_what_is_remembered_is_not_asked_again_and_changes_nothing() -> None:
             orientations,
             (picky,),
             pile,
-            heuristics=HEURISTIC_COLUMNS,
+            heuristics=COLUMNS,
             step=1,
             size=20,
             max_checked=30,
@@ -128,7 +118,7 @@ def test_what_is_remembered_is_not_asked_again_and_changes_nothing() -> None:
     assert max(picky.asked.values()) == 1
     np.testing.assert_array_equal(first.chosen, second.chosen)
     np.testing.assert_array_equal(first.valid, second.valid)
-    good = int(second.chosen[second.valid][0])
-    assert [v.ok for v in second.asker.verdicts(good)] == [True]
-    with pytest.raises(ValueError, match="passes not"):
-        second.asker.verdicts(int(second.chosen[~second.valid][0]))
+    good, bad = (int(second.chosen[which][0]) for which in (second.valid, ~second.valid))
+    assert [v.ok for v in second.inquiry.verdicts(second.candidates.trial(good))] == [True]
+    with pytest.raises(ValueError, match="does not pass"):
+        second.inquiry.verdicts(second.candidates.trial(bad))

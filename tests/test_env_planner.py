@@ -12,7 +12,8 @@ from packenv.env import PackEnv
 from packenv.io.catalogues import open_catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS
-from packenv.planning.assembly import Constraints, PlannerChoice, assemble
+from packenv.planning.assembly import assemble
+from packenv.planning.options import Constraints, PlanOptions
 from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
 from packenv.types import Container, Placement
@@ -26,9 +27,10 @@ MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duc
 def planned(order: list[str], heuristic: str, mask: str, size: Any, most: int) -> Packing:
     shelf = ItemShelf(open_catalogue("builtin"), GRID)
     box = Container(*size)
-    choice = PlannerChoice(heuristic, WORDS[mask], restarts=0, stability="paper", max_checked=most)
-    planner = assemble(choice, shelf.planning(order), box, GRID)
-    return planner.pack(by_box_volume(order, shelf.prepared_items), shelf.prepared_items, box)
+    options = PlanOptions(
+        heuristic, constraints=WORDS[mask], restarts=0, stability="paper", max_checked=most, grid=GRID
+    )
+    return assemble(options, shelf, box).pack(by_box_volume(order, shelf.prepared), shelf.prepared, box)
 
 
 def told(placement: Placement) -> tuple[Any, ...]:

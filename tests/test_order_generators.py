@@ -17,16 +17,18 @@ from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.mass import solid_properties
-from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.stable_poses import stable_poses
 from packenv.geometry.topology import is_solid
 from packenv.io.catalogues import open_catalogue
+from packenv.io.shelves import ItemShelf
 from packenv.order_generators import GeneratedOrder, OrderGenerator, ToyOrders, from_spec
 from packenv.order_generators.cuts import CUTS, Piece, Size
 from packenv.order_generators.from_names import is_test_item
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.assembly import assemble
+from packenv.planning.options import PlanOptions
 from packenv.planning.packer import by_box_volume
 from packenv.types import Container, OrderLine, Plan
+from tests.shelf_samples import shelf_of
 
 NAMES = tuple(f"item-{k}" for k in range(40))
 GRID = GridConfig()
@@ -243,15 +245,8 @@ def test_slices_come_by_falling_volume(box: Size, count: int, seed: int) -> None
     assert Piece((0, 0, 0), box).volume == sum(volumes) or not volumes
 
 
-SHELF: dict[str, PreparedItem] = {}
-"""Prepared pieces: a name is the same box in every order."""
-
-
-def shelf(order: GeneratedOrder) -> Shelf:
-    for name, item in order.meshes.items():
-        if name not in SHELF:
-            SHELF[name] = prepare_item(item, GRID)
-    return Shelf(order.meshes, SHELF, {})
+def shelf(order: GeneratedOrder) -> ItemShelf:
+    return shelf_of(order.meshes, GRID)
 
 
 TOYS = [ToyOrders((4, 8)), ToyOrders((8, 8), cut="guillotine"), ToyOrders((2, 12), step=0.002, shuffle=True)]
@@ -302,8 +297,8 @@ def test_the_planner_packs_every_slice_by_every_greedy_heuristic(generator: ToyO
         # Volumes fall strictly, so the sequence by volume is that of the solution.
         assert tuple(sequence) == order.items
         for heuristic in GREEDY:
-            choice = PlannerChoice(heuristic, "overlap", restarts=0)
-            planner = assemble(choice, prepared, order.container, GRID)
+            options = PlanOptions(heuristic, constraints="overlap", restarts=0, grid=GRID)
+            planner = assemble(options, prepared, order.container)
             packing = planner.pack(sequence, prepared.prepared, order.container)
             assert packing.complete, (seed, heuristic, packing.leftovers)
             assert packing.utilization > 0.9999
@@ -314,7 +309,9 @@ def test_guillotine_cuts_are_a_harder_level() -> None:
     coarse = ToyOrders((8, 8), Container(0.2, 0.2, 0.16), "guillotine", step=0.02)
     for order in run(coarse, 0, 10):
         prepared = shelf(order)
-        planner = assemble(PlannerChoice("hm", "overlap", restarts=0), prepared, order.container, GRID)
+        planner = assemble(
+            PlanOptions("hm", constraints="overlap", restarts=0, grid=GRID), prepared, order.container
+        )
         sequence = by_box_volume(order.items, prepared.prepared)
         solved += planner.pack(sequence, prepared.prepared, order.container).complete
     assert solved < 10

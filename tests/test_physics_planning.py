@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from packenv.closed_loop import _still_good, run_closed_loop
 from packenv.config import GridConfig
-from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
-from packenv.geometry.prepare import prepare_item
 from packenv.io.assets import robot_urdf
+from packenv.io.shelves import ItemShelf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
-from packenv.planning.assembly import PlannerChoice, Shelf, StabilityRule, assemble
+from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.measured import Resting, measured_map
+from packenv.planning.options import PlanOptions, StabilityRule
 from packenv.planning.packing import Packing
 from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
@@ -26,8 +27,9 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.sim.world import WorldConfig
-from packenv.types import Container, Item
+from packenv.types import Container, Pose
 from tests.shapes import box
+from tests.shelf_samples import shelf_of
 from tests.sim.bodies import convex
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
@@ -45,14 +47,9 @@ ITEMS = {
 NAMES = ["slab", "brick", "block", "cube"]
 
 
-def shelf_of(items: dict[str, Item]) -> Shelf:
-    prepared = {name: prepare_item(item, GRID) for name, item in items.items()}
-    return Shelf(items, prepared, {name: SurfaceField.of_item(item) for name, item in items.items()})
-
-
 @pytest.fixture(scope="module")
-def shelf() -> Shelf:
-    return shelf_of(ITEMS)
+def shelf() -> ItemShelf:
+    return shelf_of(ITEMS, GRID)
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +57,13 @@ def physics() -> dict[str, PhysicsItem]:
     return {name: convex(item) for name, item in ITEMS.items()}
 
 
-def planned(choice: PlannerChoice, shelf: Shelf, physics: dict[str, PhysicsItem]) -> Packing:
-    return make_planner(choice, shelf, BOX, GRID, physics).pack(NAMES, shelf.prepared, BOX)
+def options_of(**given: Any) -> PlanOptions:
+    return PlanOptions(**given, grid=GRID)
+
+
+def planned(options: PlanOptions, shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> Packing:
+    with make_planner(options, shelf, BOX, physics) as planner:
+        return planner.pack(NAMES, shelf.prepared, BOX)
 
 
 def where(packing: Packing) -> list[tuple[str, list[float]]]:
@@ -69,19 +71,19 @@ def where(packing: Packing) -> list[tuple[str, list[float]]]:
 
 
 def test_without_physics_it_is_the_planner_that_was_asked_for(
-    shelf: Shelf, physics: dict[str, PhysicsItem]
+    shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
-    choice = PlannerChoice(grasp="paper")
-    plain = assemble(choice, shelf, BOX, GRID).pack(NAMES, shelf.prepared, BOX)
-    assert where(planned(choice, shelf, physics)) == where(plain)
+    options = options_of(grasp="paper")
+    plain = assemble(options, shelf, BOX).pack(NAMES, shelf.prepared, BOX)
+    assert where(planned(options, shelf, physics)) == where(plain)
     with pytest.raises(ValueError, match="physics_planning"):
-        assemble(replace(choice, stability="physics"), shelf, BOX, GRID)
+        assemble(replace(options, stability="physics"), shelf, BOX)
 
 
 def test_a_plan_checked_by_physics_stays_where_it_is_in_physics(
-    shelf: Shelf, physics: dict[str, PhysicsItem]
+    shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
-    packing = planned(PlannerChoice(stability="physics", clearance=0.008), shelf, physics)
+    packing = planned(options_of(stability="physics", clearance=0.008), shelf, physics)
     assert packing.complete
     assert all("physics" in p.details for p in packing.placements)
     tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
@@ -90,14 +92,13 @@ def test_a_plan_checked_by_physics_stays_where_it_is_in_physics(
     assert max(outcome.shift_m for outcome in done.items) < 0.002
 
 
-def test_the_same_plan_twice(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
-    choice = PlannerChoice(stability="physics", clearance=0.008)
-    assert where(planned(choice, shelf, physics)) == where(planned(choice, shelf, physics))
+def test_the_same_plan_twice(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> None:
+    options = options_of(stability="physics", clearance=0.008)
+    assert where(planned(options, shelf, physics)) == where(planned(options, shelf, physics))
 
 
-def looped(shelf: Shelf, physics: dict[str, PhysicsItem], disturbance: Disturbance | None):  # type: ignore[no-untyped-def]
-    choice = PlannerChoice(grasp="paper", clearance=0.012)
-    planner = make_planner(choice, shelf, BOX, GRID, physics)
+def looped(shelf: ItemShelf, physics: dict[str, PhysicsItem], disturbance: Disturbance | None):  # type: ignore[no-untyped-def]
+    planner = make_planner(options_of(grasp="paper", clearance=0.012), shelf, BOX, physics)
     packing = planner.pack(NAMES, shelf.prepared, BOX)
     config = ExecutionConfig() if disturbance is None else disturbance.config(ExecutionConfig())
     with Session(Cell.beside(BOX), config, URDF) as session:
@@ -105,14 +106,14 @@ def looped(shelf: Shelf, physics: dict[str, PhysicsItem], disturbance: Disturban
             planner,
             packing,
             session,
-            shelf.meshes,
+            shelf.shapes,
             shelf.prepared,
             Rehearsal(BOX, physics, URDF, 2),
             disturbance,
         )
 
 
-def test_closed_loop_keeps_a_plan_that_holds(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+def test_closed_loop_keeps_a_plan_that_holds(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> None:
     packing, result = looped(shelf, physics, None)
     assert result.success
     assert result.plans == 1
@@ -120,7 +121,7 @@ def test_closed_loop_keeps_a_plan_that_holds(shelf: Shelf, physics: dict[str, Ph
 
 
 def test_what_goes_well_in_rehearsal_is_gone_on_with(
-    shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However doubtful the next placement looks."""
     monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
@@ -133,7 +134,7 @@ def test_what_goes_well_in_rehearsal_is_gone_on_with(
 
 
 def test_planning_anew_after_every_item_packs_them_all_too(
-    shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every plan that is under way fails in rehearsal, every new one does not."""
     asked: list[Rehearsal] = []
@@ -155,9 +156,9 @@ def test_planning_anew_after_every_item_packs_them_all_too(
     assert [len(r.lying) for r in asked] == [1, 1, 1, 2, 2, 2, 3, 3, 3]
 
 
-def test_a_rehearsal_goes_on_from_where_things_lie(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+def test_a_rehearsal_goes_on_from_where_things_lie(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> None:
     """With nothing disturbed, halfway through, it is the rest of the whole execution."""
-    packing = planned(PlannerChoice(grasp="paper", clearance=0.012), shelf, physics)
+    packing = planned(options_of(grasp="paper", clearance=0.012), shelf, physics)
     tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
     whole = run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), URDF)
     half = run_tasks(tasks[:2], Cell.beside(BOX), ExecutionConfig(), URDF)
@@ -169,14 +170,14 @@ def test_a_rehearsal_goes_on_from_where_things_lie(shelf: Shelf, physics: dict[s
     for (_, here), (_, there) in zip(rest.final, whole.final, strict=True):
         assert np.abs(here - there).max() < 1e-3
     # Elsewhere, what lies there is in the way: nothing is where the plan knows of it.
-    aside = [Lying(lying[0].item, (tasks[2].rotation, tasks[2].position)), lying[1]]
+    aside = [Lying(lying[0].item, Pose(tasks[2].rotation, tasks[2].position)), lying[1]]
     assert run_tasks(tasks[2:], Cell.beside(BOX), ExecutionConfig(), URDF, lying=aside).cause == "collision"
 
 
 def test_a_placement_is_still_good_until_something_stands_in_its_way(
-    shelf: Shelf, physics: dict[str, PhysicsItem]
+    shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
-    packing = planned(PlannerChoice(grasp="paper", clearance=0.012), shelf, physics)
+    packing = planned(options_of(grasp="paper", clearance=0.012), shelf, physics)
     first, last = packing.placements[0], packing.placements[-1]
     assert last.corner[2] == 0.0
     believed = packing.surfaces[-2]
@@ -185,14 +186,16 @@ def test_a_placement_is_still_good_until_something_stands_in_its_way(
         """With the first item at a corner on the floor."""
         lying = Resting(ITEMS[first.item], first.rotation, first.position + corner - first.corner)
         measured = measured_map(BOX, GRID.cell_size, [lying])
-        return _still_good(last, ITEMS[last.item], believed, measured, 0.01)
+        return _still_good(last, ITEMS[last.item], believed, measured)
 
     assert good(first.corner)
     assert not good(last.corner)
 
 
-def test_disturbances_depend_on_seed_and_step_alone(physics: dict[str, PhysicsItem], shelf: Shelf) -> None:
-    packing = planned(PlannerChoice(constraints="overlap"), shelf, physics)
+def test_disturbances_depend_on_seed_and_step_alone(
+    physics: dict[str, PhysicsItem], shelf: ItemShelf
+) -> None:
+    packing = planned(options_of(constraints="overlap"), shelf, physics)
     tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
     one, other = Disturbance(5), Disturbance(5)
     assert one.config(ExecutionConfig()) == other.config(ExecutionConfig())
@@ -230,28 +233,29 @@ def test_clearance_costs_no_item(stability: StabilityRule) -> None:
     """Where one of two plates keeps off the walls, there is no room for the other."""
     items = {item.name: item for item in (box(0.198, 0.198, 0.1, "wide"), box(0.098, 0.198, 0.1, "narrow"))}
     flat, physics = Container(0.31, 0.31, 0.15), {name: convex(item) for name, item in items.items()}
-    shelf = shelf_of(items)
+    shelf = shelf_of(items, GRID)
 
-    def packed(choice: PlannerChoice) -> Packing:
-        return make_planner(choice, shelf, flat, GRID, physics).pack(list(items), shelf.prepared, flat)
+    def packed(**given: Any) -> Packing:
+        with make_planner(options_of(**given), shelf, flat, physics) as planner:
+            return planner.pack(list(items), shelf.prepared, flat)
 
-    assert packed(PlannerChoice(stability="paper")).complete
-    assert not packed(PlannerChoice(stability=stability, clearance=0.01, restarts=0)).complete
-    assert packed(PlannerChoice(stability=stability, clearance=0.01)).complete
+    assert packed(stability="paper").complete
+    assert not packed(stability=stability, clearance=0.01, restarts=0).complete
+    assert packed(stability=stability, clearance=0.01).complete
 
 
-def test_physics_costs_no_item(shelf: Shelf, physics: dict[str, PhysicsItem]) -> None:
+def test_physics_costs_no_item(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> None:
     """Where every drop fails, an order is planned as without physics."""
 
     class Never(PhysicsConstraint):
         def check(self, *_: object) -> Verdict:
             return Verdict(False, "physics-shifts")
 
-    plain = planned(PlannerChoice(stability="paper"), shelf, physics)
+    plain = planned(options_of(stability="paper"), shelf, physics)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("packenv.physics_planning.PhysicsConstraint", Never)
-        packing = planned(PlannerChoice(stability="physics"), shelf, physics)
-        alone = planned(PlannerChoice(stability="physics", restarts=0), shelf, physics)
+        packing = planned(options_of(stability="physics"), shelf, physics)
+        alone = planned(options_of(stability="physics", restarts=0), shelf, physics)
     assert packing.complete
     assert where(packing) == where(plain)
     assert {p.details["physics"]["rule"] for p in packing.placements} == {"unasked"}  # type: ignore[index]

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from packenv.config import GridConfig
-from packenv.geometry.distance_grids import SurfaceField
-from packenv.geometry.prepare import prepare_item
+from packenv.errors import PlanError
 from packenv.io.plan_maker import make_plan
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.io.plans import plan_to_json, read_plan
+from packenv.io.shelves import ItemShelf
+from packenv.planning.assembly import assemble
+from packenv.planning.options import Constraints, GraspRule, PlanOptions, StabilityRule
 from packenv.recheck import Recheck, recheck
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
-from packenv.types import Container, FloatArray, OrderLine, Placement, Plan
+from packenv.types import Container, FloatArray, OrderLine, Placement, Plan, RobotPath
 from tests.shapes import box, cup, cylinder
+from tests.shelf_samples import shelf_of
 
 GRID = GridConfig(cell_size=0.005, n_yaws=2)
 BOX = Container(0.2, 0.2, 0.12)
@@ -36,38 +41,28 @@ NAMES = ["book", "brick", "can", "cup", "brick"]
 
 
 @pytest.fixture(scope="module")
-def shelf() -> Shelf:
-    prepared = {name: prepare_item(item, GRID) for name, item in MESHES.items()}
-    return Shelf(MESHES, prepared, {name: SurfaceField.of_item(item) for name, item in MESHES.items()})
+def shelf() -> ItemShelf:
+    return shelf_of(MESHES, GRID)
 
 
 @pytest.fixture(scope="module")
-def robot_plan(shelf: Shelf) -> Plan:
-    choice = PlannerChoice(with_margin=True)
-    packing = assemble(choice, shelf, BOX, GRID).pack(NAMES, shelf.prepared, BOX)
+def robot_plan(shelf: ItemShelf) -> Plan:
+    options = PlanOptions(grid=GRID)
+    packing = assemble(options, shelf, BOX, margins=True).pack(NAMES, shelf.prepared, BOX)
     assert packing.complete
     lines = tuple(OrderLine(name, n) for name, n in Counter(NAMES).items())
-    return make_plan(packing, lines, MESHES, GRID, catalogue="builtin", settings={})
+    return make_plan(packing, lines, shelf, options)
 
 
 def again(
     plan: Plan,
-    shelf: Shelf,
-    constraints: str = "robot",
-    stability: str = "paper",
-    contacts: str = "surface",
-    grasp: str = "seal",
+    shelf: ItemShelf,
+    constraints: Constraints = "robot",
+    stability: StabilityRule = "paper",
+    grasp: GraspRule = "seal",
 ) -> Recheck:
-    return recheck(
-        plan,
-        MESHES,
-        shelf.fields,
-        constraints=constraints,
-        stability=stability,
-        contacts=contacts,
-        grasp=grasp,
-        cell_size=GRID.cell_size,
-    )
+    options = PlanOptions(constraints=constraints, stability=stability, grasp=grasp, grid=GRID)
+    return recheck(plan, MESHES, shelf.fields, options)
 
 
 def put(name: str, *position: float, turn: FloatArray | None = None) -> Placement:
@@ -87,41 +82,42 @@ def with_step(plan: Plan, step: int, **changes: Any) -> Plan:
     return dataclasses.replace(plan, placements=tuple(steps))
 
 
-def with_manipulation(plan: Plan, step: int, **changes: object) -> Plan:
-    details = dict(plan.placements[step - 1].details)
-    told = details["manipulation"]
-    assert isinstance(told, Mapping)
-    details["manipulation"] = {**told, **changes}
-    return with_step(plan, step, details=details)
+def path_of(plan: Plan, step: int) -> RobotPath:
+    path = plan.placements[step - 1].path
+    assert path is not None
+    return path
+
+
+def with_path(plan: Plan, step: int, **changes: FloatArray) -> Plan:
+    return with_step(plan, step, path=dataclasses.replace(path_of(plan, step), **changes))
 
 
 def told(plan: Plan, step: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Joints, grasp and cup heights that a step states."""
-    manipulation = plan.placements[step - 1].details["manipulation"]
-    assert isinstance(manipulation, Mapping)
-    return tuple(np.array(manipulation[key]) for key in ("joints", "grasp", "cup_heights"))  # type: ignore[return-value]
+    path = path_of(plan, step)
+    return path.joints, path.grasp, path.cup_heights
 
 
 # ------------------------------------------------------------------------------------------------- laws
 
 
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])
-def test_an_honest_plan_passes(constraints: str, robot_plan: Plan, shelf: Shelf) -> None:
+def test_an_honest_plan_passes(constraints: Constraints, robot_plan: Plan, shelf: ItemShelf) -> None:
     assert again(robot_plan, shelf, constraints) == Recheck((), ())
     assert again(robot_plan, shelf, constraints).ok
 
 
-def test_under_overlap_nothing_is_asked(shelf: Shelf) -> None:
+def test_under_overlap_nothing_is_asked(shelf: ItemShelf) -> None:
     assert again(pile(put("brick", 0.05, 0.05, 0.07)), shelf, "overlap").ok
 
 
-def test_under_stability_manipulation_is_not_asked(robot_plan: Plan, shelf: Shelf) -> None:
-    bare = with_step(robot_plan, 2, details={})
+def test_under_stability_manipulation_is_not_asked(robot_plan: Plan, shelf: ItemShelf) -> None:
+    bare = with_step(robot_plan, 2, details={}, path=None)
     assert again(bare, shelf, "stability").ok
     assert again(bare, shelf) == Recheck((), (2,))
 
 
-def test_what_a_plan_says_of_its_stability_is_not_believed(robot_plan: Plan, shelf: Shelf) -> None:
+def test_what_a_plan_says_of_its_stability_is_not_believed(robot_plan: Plan, shelf: ItemShelf) -> None:
     lie = {"decided_by": "first-order", "contacts": 4, "forces": [], "margin_deg": 45.0}
     floating = dataclasses.replace(put("brick", 0.05, 0.05, 0.03), details={"stability": lie})
     assert again(pile(floating), shelf, "stability") == Recheck((1,))
@@ -132,25 +128,25 @@ def test_what_a_plan_says_of_its_stability_is_not_believed(robot_plan: Plan, she
 
 
 @pytest.mark.parametrize("step", range(1, len(NAMES) + 1))
-def test_only_the_tampered_step_is_unreachable(step: int, robot_plan: Plan, shelf: Shelf) -> None:
+def test_only_the_tampered_step_is_unreachable(step: int, robot_plan: Plan, shelf: ItemShelf) -> None:
     joints, grasp, heights = told(robot_plan, step)
     for changes in (
-        {"joints": (joints + 1e-4).tolist()},
-        {"joints": (-joints).tolist()},
-        {"grasp": (grasp + np.array([1e-4, 0, 0])).tolist()},
-        {"cup_heights": (heights - 1e-4).tolist()},
+        {"joints": joints + 1e-4},
+        {"joints": -joints},
+        {"grasp": grasp + np.array([1e-4, 0, 0])},
+        {"cup_heights": heights - 1e-4},
     ):
-        assert again(with_manipulation(robot_plan, step, **changes), shelf) == Recheck((), (step,))
+        assert again(with_path(robot_plan, step, **changes), shelf) == Recheck((), (step,))
 
 
-def test_a_turn_of_the_last_joint_beyond_its_limit_is_found(robot_plan: Plan, shelf: Shelf) -> None:
+def test_a_turn_of_the_last_joint_beyond_its_limit_is_found(robot_plan: Plan, shelf: ItemShelf) -> None:
     """A whole turn leaves the cup where it is: only the limits tell."""
     joints, _, _ = told(robot_plan, 1)
     spin = joints.copy()
     spin[:, 5] += 2 * np.pi * np.where(joints[:, 5].mean() > 0, 1, -1)
     assert np.all(tx90.limit_margin(spin) < 0)
     np.testing.assert_allclose(tx90.forward(spin), tx90.forward(joints), atol=1e-9)
-    assert again(with_manipulation(robot_plan, 1, joints=spin.tolist()), shelf).unreachable_steps == (1,)
+    assert again(with_path(robot_plan, 1, joints=spin), shelf).unreachable_steps == (1,)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +158,7 @@ def test_a_turn_of_the_last_joint_beyond_its_limit_is_found(robot_plan: Plan, sh
         {"joints": "none"},
         {"joints": None},
         {"joints": {"a": 1}},
-        {"joints": [[float("nan")] * 6]},
+        {"joints": [[float("nan")] * 6] * 4},
         {"grasp": [0.1, 0.1]},
         {"grasp": "centre"},
         {"cup_heights": [0.1]},
@@ -171,35 +167,64 @@ def test_a_turn_of_the_last_joint_beyond_its_limit_is_found(robot_plan: Plan, sh
     ],
     ids=str,
 )
-def test_malformed_details_are_unreachable_not_a_crash(
-    changes: dict[str, object], robot_plan: Plan, shelf: Shelf
+def test_a_malformed_path_is_told_when_the_file_is_read(
+    changes: dict[str, object], robot_plan: Plan, tmp_path: Path
 ) -> None:
-    assert again(with_manipulation(robot_plan, 2, **changes), shelf) == Recheck((), (2,))
+    document = plan_to_json(robot_plan)
+    document["steps"][1]["details"]["manipulation"].update(changes)
+    (key,) = changes
+    with pytest.raises(PlanError, match=rf"steps\[1\]\.details\.manipulation\.{key}"):
+        read_again(document, tmp_path)
 
 
-@pytest.mark.parametrize("details", [{}, {"manipulation": None}, {"manipulation": []}, {"manipulation": {}}])
-def test_a_step_without_joints_is_unreachable(
-    details: dict[str, object], robot_plan: Plan, shelf: Shelf
+@pytest.mark.parametrize("stated", [None, [], {}])
+def test_a_path_that_is_no_path_is_told_when_the_file_is_read(
+    stated: object, robot_plan: Plan, tmp_path: Path
 ) -> None:
-    assert again(with_step(robot_plan, 3, details=details), shelf) == Recheck((), (3,))
+    document = plan_to_json(robot_plan)
+    document["steps"][2]["details"]["manipulation"] = stated
+    with pytest.raises(PlanError, match=r"steps\[2\]\.details"):
+        read_again(document, tmp_path)
 
 
-def test_a_way_that_stops_above_the_rim_is_unreachable(robot_plan: Plan, shelf: Shelf) -> None:
+def read_again(document: Mapping[str, Any], folder: Path) -> Plan:
+    (folder / "plan.json").write_text(json.dumps(document))
+    return read_plan(folder / "plan.json")
+
+
+def test_a_step_without_a_path_is_unreachable(robot_plan: Plan, shelf: ItemShelf, tmp_path: Path) -> None:
+    assert again(with_step(robot_plan, 3, path=None), shelf) == Recheck((), (3,))
+    document = plan_to_json(robot_plan)
+    document["steps"][2]["details"] = {}
+    assert again(read_again(document, tmp_path), shelf) == Recheck((), (3,))
+    assert again(read_again(plan_to_json(robot_plan), tmp_path), shelf).ok
+
+
+@pytest.mark.parametrize("name", ["joints", "grasp", "cup_heights"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_path_that_is_not_finite_is_unreachable_not_a_crash(
+    value: float, name: str, robot_plan: Plan, shelf: ItemShelf
+) -> None:
+    wrong = getattr(path_of(robot_plan, 2), name).copy()
+    wrong.flat[0] = value
+    assert again(with_path(robot_plan, 2, **{name: wrong}), shelf) == Recheck((), (2,))
+
+
+def test_a_way_that_stops_above_the_rim_is_unreachable(robot_plan: Plan, shelf: ItemShelf) -> None:
     joints, _, heights = told(robot_plan, 1)
-    cut = with_manipulation(robot_plan, 1, joints=joints[:1].tolist(), cup_heights=heights[:1].tolist())
-    assert again(cut, shelf).unreachable_steps == (1,)
+    for kept in (0, 1, 2, len(joints) - 1):
+        cut = with_path(robot_plan, 1, joints=joints[:kept], cup_heights=heights[:kept])
+        assert again(cut, shelf).unreachable_steps == (1,)
 
 
-def test_a_way_down_to_another_place_is_unreachable(robot_plan: Plan, shelf: Shelf) -> None:
+def test_a_way_down_to_another_place_is_unreachable(robot_plan: Plan, shelf: ItemShelf) -> None:
     """Of step 3, with step 1's joints, which do fit step 1's grasp."""
     joints, grasp, heights = told(robot_plan, 1)
-    other = with_manipulation(
-        robot_plan, 3, joints=joints.tolist(), grasp=grasp.tolist(), cup_heights=heights.tolist()
-    )
+    other = with_path(robot_plan, 3, joints=joints, grasp=grasp, cup_heights=heights)
     assert again(other, shelf).unreachable_steps == (3,)
 
 
-def test_a_jump_to_another_branch_is_unreachable(robot_plan: Plan, shelf: Shelf) -> None:
+def test_a_jump_to_another_branch_is_unreachable(robot_plan: Plan, shelf: ItemShelf) -> None:
     """Alg. 1 wants one continuous motion; here one waypoint is reached by another posture of the arm."""
     joints, grasp, heights = told(robot_plan, 1)
     middle = len(joints) // 2
@@ -211,14 +236,14 @@ def test_a_jump_to_another_branch_is_unreachable(robot_plan: Plan, shelf: Shelf)
     assert np.abs(far - joints[middle]).max() > 0.5
     jump = joints.copy()
     jump[middle] = far
-    assert again(with_manipulation(robot_plan, 1, joints=jump.tolist()), shelf).unreachable_steps == (1,)
+    assert again(with_path(robot_plan, 1, joints=jump), shelf).unreachable_steps == (1,)
 
 
 # ---------------------------------------------------------------------------------------- closed forms
 
 
 @pytest.mark.parametrize(("overhang", "stands"), [(0.02, True), (0.03, True), (0.05, False), (0.07, False)])
-def test_an_item_over_an_edge(overhang: float, stands: bool, shelf: Shelf) -> None:
+def test_an_item_over_an_edge(overhang: float, stands: bool, shelf: ItemShelf) -> None:
     """A brick of 8 cm on a book falls where more than half of it is beyond the edge."""
     plan = pile(put("book", 0.02, 0.06, 0.0), put("brick", 0.04 + overhang, 0.07, 0.02))
     assert plan.placements[0].extents[0] == pytest.approx(0.10)
@@ -230,7 +255,7 @@ def test_an_item_over_an_edge(overhang: float, stands: bool, shelf: Shelf) -> No
     [(0.02, True, True), (0.035, True, True), (0.039, True, False), (0.05, False, False)],
 )
 def test_near_the_edge_only_the_paper_s_rule_is_content(
-    overhang: float, paper: bool, margin: bool, shelf: Shelf
+    overhang: float, paper: bool, margin: bool, shelf: ItemShelf
 ) -> None:
     """A brick 4 cm high whose centre of mass is d inside the edge stands up to a tilt of atan(d / 2 cm).
 
@@ -241,13 +266,13 @@ def test_near_the_edge_only_the_paper_s_rule_is_content(
     assert again(plan, shelf, "stability", "margin").ok == margin
 
 
-def test_what_floats_is_unstable_from_its_step_on(shelf: Shelf) -> None:
+def test_what_floats_is_unstable_from_its_step_on(shelf: ItemShelf) -> None:
     floating = put("brick", 0.1, 0.1, 0.04)
     plan = pile(put("book", 0.0, 0.0, 0.0), floating, put("book", 0.0, 0.0, 0.02))
     assert again(plan, shelf, "stability").unstable_steps == (2, 3)
 
 
-def test_what_comes_later_may_hold_what_fell_before(shelf: Shelf) -> None:
+def test_what_comes_later_may_hold_what_fell_before(shelf: ItemShelf) -> None:
     """A brick hangs 5 cm over, its centre 1 cm beyond the edge; a brick on its inner end holds it down.
 
     The two weigh the same, and the upper one's centre is 2.5 cm inside: 1 cm out and 2.5 cm in.
@@ -257,7 +282,7 @@ def test_what_comes_later_may_hold_what_fell_before(shelf: Shelf) -> None:
     assert again(pile(book, hanging, upper), shelf, "stability").unstable_steps == (2,)
 
 
-def test_the_sequence_matters(shelf: Shelf) -> None:
+def test_the_sequence_matters(shelf: ItemShelf) -> None:
     """Upside down in time: the upper one floats, and the lower one has no way down past it."""
     below, above = put("book", 0.05, 0.05, 0.0), put("brick", 0.05, 0.05, 0.02)
     assert again(pile(below, above), shelf, "stability").ok
@@ -267,31 +292,31 @@ def test_the_sequence_matters(shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("step", [1, 3, 5])
-def test_an_item_outside_the_container_is_unreachable(step: int, robot_plan: Plan, shelf: Shelf) -> None:
+def test_an_item_outside_the_container_is_unreachable(step: int, robot_plan: Plan, shelf: ItemShelf) -> None:
     aside = with_step(robot_plan, step, position=robot_plan.placements[step - 1].position - [0.5, 0, 0])
     found = again(aside, shelf)
     assert step in found.unreachable_steps
     assert not set(range(1, step)) & set(found.unreachable_steps)
 
 
-def test_items_in_each_other_give_an_answer(shelf: Shelf) -> None:
+def test_items_in_each_other_give_an_answer(shelf: ItemShelf) -> None:
     assert isinstance(again(pile(put("brick", 0.0, 0.0, 0.0), put("book", 0.0, 0.0, 0.01)), shelf), Recheck)
 
 
-def test_the_empty_plan_passes(shelf: Shelf) -> None:
+def test_the_empty_plan_passes(shelf: ItemShelf) -> None:
     assert again(pile(), shelf).ok
 
 
-def test_the_grasp_rule_is_the_plan_s(robot_plan: Plan, shelf: Shelf) -> None:
+def test_the_grasp_rule_is_the_plan_s(robot_plan: Plan, shelf: ItemShelf) -> None:
     """The paper's rule takes any item at its centre; a can on its side has no flat spot."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    choice = PlannerChoice(grasp="paper")
-    packing = assemble(choice, shelf, BOX, GRID).pack(["brick"], shelf.prepared, BOX)
+    options = PlanOptions(grasp="paper", grid=GRID)
+    packing = assemble(options, shelf, BOX).pack(["brick"], shelf.prepared, BOX)
     assert again(pile(*packing.placements), shelf, grasp="paper").ok
     lying = put("can", 0.0, 0.0, 0.0, turn=turn)
     for rule in _rules():
         assert again(pile(lying), shelf, grasp=rule).unreachable_steps == (1,)
 
 
-def _rules() -> Sequence[str]:
+def _rules() -> Sequence[GraspRule]:
     return ("seal", "flat", "paper")

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from packenv.io.shelves import ItemShelf
 from packenv.physics_planning import make_planner, make_spares
-from packenv.planning.assembly import PlannerChoice, Shelf
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
@@ -21,16 +21,17 @@ from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
 from tests.shapes import box
+from tests.shelf_samples import shelf_of
 from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
-from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, shelf_of, where
+from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, options_of, where
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
 ALL = {**ITEMS, "plank": PLANK, "pole": POLE}
 
 
 @pytest.fixture(scope="module")
-def shelf() -> Shelf:
-    return shelf_of(ALL)
+def shelf() -> ItemShelf:
+    return shelf_of(ALL, GRID)
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +40,18 @@ def physics() -> dict[str, PhysicsItem]:
 
 
 def rehearsed(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], worlds: int = 2, **more: Packing
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], worlds: int = 2, **more: Packing
 ) -> Rehearsed:
     return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(BOX, physics, URDF, worlds), **more)
 
 
 @pytest.fixture(scope="module")
-def planner(shelf: Shelf, physics: dict[str, PhysicsItem]) -> Planner:
-    return make_planner(PlannerChoice(stability="physics", clearance=0.008), shelf, BOX, GRID, physics)
+def planner(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> Planner:
+    return make_planner(options_of(stability="physics", clearance=0.008), shelf, BOX, physics)
 
 
 def test_a_plan_that_survives_is_the_planner_s_own(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem]
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
     own = planner.pack(NAMES, shelf.prepared, BOX)
     done = rehearsed(planner, shelf, physics)
@@ -62,11 +63,11 @@ def test_a_plan_that_survives_is_the_planner_s_own(
 
 
 def test_a_plan_that_fails_gives_way_to_one_that_does_not(
-    shelf: Shelf, physics: dict[str, PhysicsItem]
+    shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
     """Nothing but overlap is asked for: of DBLF's plan an item falls and sticks out, HM's stands."""
     names = ["brick", "brick", "plank", "plank", "block", "plank", "pole"]
-    loose = make_planner(PlannerChoice("dblf", constraints="overlap"), shelf, BOX, GRID, physics)
+    loose = make_planner(options_of(heuristic="dblf", constraints="overlap"), shelf, BOX, physics)
     stage = Rehearsal(BOX, physics, URDF, 1)
     assert not stage.execution(loose.pack(names, shelf.prepared, BOX), 0).success
     done = pack_rehearsed(loose, names, shelf.prepared, stage)
@@ -77,7 +78,7 @@ def test_a_plan_that_fails_gives_way_to_one_that_does_not(
 
 
 def test_all_alternatives_are_tried_before_it_gives_in(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of plans that all fail, the first of those that survive in most worlds is kept."""
     seen: list[Packing] = []
@@ -102,7 +103,7 @@ def test_all_alternatives_are_tried_before_it_gives_in(
 
 
 def test_what_is_under_way_is_given_up_for_what_does_as_well(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Rehearsal, "execution", lambda *_: Execution(False, None, "", (), (), 0.0))
     running = planner.pack(NAMES, shelf.prepared, BOX)
@@ -111,9 +112,9 @@ def test_what_is_under_way_is_given_up_for_what_does_as_well(
 
 
 def test_spares_are_asked_when_the_planner_s_own_plan_fails(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (spare,) = make_spares(PlannerChoice(stability="physics"), shelf, BOX, GRID)
+    (spare,) = make_spares(options_of(stability="physics"), shelf, BOX)
     other = spare.pack(NAMES, shelf.prepared, BOX)
     assert where(other) != where(planner.pack(NAMES, shelf.prepared, BOX))
 
@@ -125,21 +126,20 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
     done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
     assert where(done.packing) == where(other)
     assert (done.survived, done.plans, done.how) == (2, 2, "spare 1 hm")
-    assert make_spares(PlannerChoice(), shelf, BOX, GRID) == ()
+    assert make_spares(options_of(), shelf, BOX) == ()
 
 
-def test_the_last_spare_asks_for_no_clearance(shelf: Shelf) -> None:
+def test_the_last_spare_asks_for_no_clearance(shelf: ItemShelf) -> None:
     """What fits only without would else be packed by the last resort, which is as bold as the paper."""
     for clearance, widths in ((0.0, [0]), (0.01, [3, 0])):
-        choice = PlannerChoice(stability="physics", clearance=clearance)
-        spares = make_spares(choice, shelf, BOX, GRID)
-        assert [spare.clearance for spare in spares] == widths
+        spares = make_spares(options_of(stability="physics", clearance=clearance), shelf, BOX)
+        assert [spare.strategy.clearance for spare in spares] == widths
 
 
 def test_who_waits_is_spared_the_planner_s_other_heuristics(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (spare,) = make_spares(PlannerChoice(stability="physics"), shelf, BOX, GRID)
+    (spare,) = make_spares(options_of(stability="physics"), shelf, BOX)
     running = planner.pack(NAMES, shelf.prepared, BOX)
     asked: list[Planner] = []
     really = Planner.pack
@@ -159,7 +159,7 @@ def test_who_waits_is_spared_the_planner_s_other_heuristics(
 
 
 def test_what_can_never_fit_is_not_planned_again(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem]
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
     own = planner.pack(NAMES, shelf.prepared, BOX)
     for reason, again in (("larger-than-container", False), ("no-legal-candidate", True)):
@@ -193,7 +193,7 @@ def test_who_is_to_blame() -> None:
 
 
 def test_an_incomplete_plan_gives_way_to_a_fuller_one(
-    planner: Planner, shelf: Shelf, physics: dict[str, PhysicsItem]
+    planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
     own = planner.pack(NAMES, shelf.prepared, BOX)
     lost = tuple(Leftover(p.item, p.instance, "no-legal-candidate", "") for p in own.placements[2:])

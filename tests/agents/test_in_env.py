@@ -16,15 +16,17 @@ from packenv.config import GridConfig
 from packenv.env import PackEnv
 from packenv.env_config import PackConfig
 from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
+from packenv.io.shelves import ItemShelf
 from packenv.observation import FEATURES, HEURISTIC_COLUMNS
-from packenv.planning.assembly import PlannerChoice, Shelf, assemble
+from packenv.planning.assembly import assemble
 from packenv.planning.candidates import grid_search
 from packenv.planning.container_map import ContainerMap
+from packenv.planning.options import PlanOptions
 from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container
+from tests.shelf_samples import shelf_of
 
 # Coarse, with few yaws, few candidates, and items of few faces: the laws do not depend on it, and it costs a
 # hundredth.
@@ -43,18 +45,13 @@ MASKS: dict[Level, str] = {"overlap": "legal", "stability": "stable", "robot": "
 
 
 @pytest.fixture(scope="module")
-def shelf() -> Shelf:
+def shelf() -> ItemShelf:
     return make_shelf(SIMPLE)
 
 
-def make_shelf(names: Sequence[str]) -> Shelf:
-    catalogue, cache = open_catalogue("builtin"), ItemCache()
-    items = {name: catalogue.item(name) for name in names}
-    return Shelf(
-        items,
-        {name: cache.prepare(item, GRID) for name, item in items.items()},
-        {name: cache.surface_field(item) for name, item in items.items()},
-    )
+def make_shelf(names: Sequence[str]) -> ItemShelf:
+    catalogue = open_catalogue("builtin")
+    return shelf_of({name: catalogue.item(name) for name in names}, GRID)
 
 
 def make_env(box: Container, **settings: Any) -> PackEnv:
@@ -86,23 +83,25 @@ def placed(what: Any) -> list[tuple[object, ...]]:
     ]
 
 
-def planned(shelf: Shelf, choice: PlannerChoice, box: Container, order: Sequence[str]) -> Packing:
+def planned(shelf: ItemShelf, options: PlanOptions, box: Container, order: Sequence[str]) -> Packing:
     sequence = by_box_volume(order, shelf.prepared)
-    return assemble(choice, shelf, box, GRID).pack(sequence, shelf.prepared, box)
+    return assemble(options, shelf, box).pack(sequence, shelf.prepared, box)
 
 
 def compare(
-    shelf: Shelf, level: Level, heuristic: str, box: Container, checked: int, *, orders: int, size: int
+    shelf: ItemShelf, level: Level, heuristic: str, box: Container, checked: int, *, orders: int, size: int
 ) -> Counter[str]:
     """Routes and leftovers of both, which must agree."""
-    choice = PlannerChoice(heuristic, level, max_checked=checked, restarts=0, stability="paper")
+    options = PlanOptions(
+        heuristic, constraints=level, max_checked=checked, restarts=0, stability="paper", grid=GRID
+    )
     env = make_env(box, mask=MASKS[level], max_checked=checked)
     agent = PlannerAgent(heuristic, checked)
     rng = np.random.default_rng(7)
     seen: Counter[str] = Counter()
     for _ in range(orders):
-        order = [str(name) for name in rng.choice(sorted(shelf.meshes), size)]
-        theirs = planned(shelf, choice, box, order)
+        order = [str(name) for name in rng.choice(sorted(shelf.items), size)]
+        theirs = planned(shelf, options, box, order)
         info, deferred = play(env, agent, order)
         assert placed(env.unwrapped.plan()) == placed(theirs)
         assert Counter(info["left_over"]) == Counter(p.item for p in theirs.leftovers)
@@ -128,7 +127,7 @@ FLAT, TALL = Container(0.24, 0.24, 0.14), Container(0.24, 0.24, 0.2)
     ],
 )
 def test_the_planner_agent_places_as_the_planner(
-    shelf: Shelf, level: Level, heuristic: str, box: Container, checked: int, happens: set[str]
+    shelf: ItemShelf, level: Level, heuristic: str, box: Container, checked: int, happens: set[str]
 ) -> None:
     seen = compare(shelf, level, heuristic, box, checked, orders=3, size=8)
     assert seen["first-pass"] > 10
@@ -150,7 +149,7 @@ def test_the_planner_agent_places_as_the_planner_on_many_shapes(
 
 
 @pytest.mark.parametrize("heuristic", HEURISTIC_COLUMNS)
-def test_a_heuristic_takes_what_its_score_ranks_first(shelf: Shelf, heuristic: str) -> None:
+def test_a_heuristic_takes_what_its_score_ranks_first(shelf: ItemShelf, heuristic: str) -> None:
     env, agent, rng = make_env(FLAT, mask="legal"), agents.make(heuristic), np.random.default_rng(3)
     draws = np.random.default_rng(0)
     placements = 0

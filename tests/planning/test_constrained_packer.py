@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,25 +14,28 @@ import pytest
 
 from packenv.audit import audit_plan
 from packenv.config import GridConfig
-from packenv.geometry.distance_grids import SurfaceField
-from packenv.geometry.prepare import PreparedItem, prepare_item
+from packenv.geometry.prepare import PreparedItem
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json
-from packenv.planning.assembly import MARGIN, PlannerChoice, Shelf, assemble
+from packenv.io.shelves import ItemShelf
+from packenv.planning.assembly import MARGIN, assemble
 from packenv.planning.candidates import Candidates, grid_search
-from packenv.planning.constraints import Trial, Verdict
+from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.margins import MarginRule, check_margin
+from packenv.planning.measured import Resting
+from packenv.planning.options import Constraints, PlanOptions, StabilityRule
 from packenv.planning.orientations import perturbations
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.turns import Tier
+from packenv.planning.turns import Strategy, Tier
 from packenv.recheck import Recheck, recheck
 from packenv.types import Container, OrderLine, OrientedItem, Placement, Plan
 from tests.shapes import ball, box, cup, cylinder
+from tests.shelf_samples import shelf_of
 
 GRID = GridConfig(cell_size=0.005, n_yaws=2)
 BOX = Container(0.2, 0.2, 0.12)
@@ -56,25 +59,28 @@ FIXED = sorted(set(HEURISTICS) - {"random"})
 
 
 @pytest.fixture(scope="module")
-def shelf() -> Shelf:
-    prepared = {name: prepare_item(item, GRID) for name, item in MESHES.items()}
-    return Shelf(MESHES, prepared, {name: SurfaceField.of_item(item) for name, item in MESHES.items()})
+def shelf() -> ItemShelf:
+    return shelf_of(MESHES, GRID)
 
 
 Rule = Callable[[Trial, tuple[Trial, ...]], bool]
 
 
 @dataclasses.dataclass(eq=False)
-class Judge:
+class Judge(Constraint):
     """A constraint that a test dictates; it keeps what it was asked, and its state is what was placed."""
 
     rule: Rule
-    name: str = "judge"
+    called: str = "judge"
     reason: str = "no"
     objects_to: Callable[[OrientedItem], bool] = lambda oriented: False
     asked: list[tuple[Trial, ContainerMap]] = dataclasses.field(default_factory=list)
 
-    def start(self) -> tuple[Trial, ...]:
+    @property
+    def name(self) -> str:
+        return self.called
+
+    def start(self, resting: Sequence[Resting] = ()) -> tuple[Trial, ...]:
         return ()
 
     def objection(self, oriented: OrientedItem) -> str | None:
@@ -107,24 +113,25 @@ def no(trial: Trial, placed: tuple[Trial, ...]) -> bool:
 
 
 def planner(
-    shelf: Shelf, *judges: Judge, heuristic: str = "hm", tilting: bool = True, **more: Any
+    shelf: ItemShelf,
+    *judges: Judge,
+    heuristic: str = "hm",
+    tilting: bool = True,
+    restarts: int = 0,
+    **more: Any,
 ) -> Planner:
+    more.setdefault("strategy", Strategy(restarts=restarts))
     return Planner(
-        HEURISTICS[heuristic],
-        GRID.step_cells,
-        GRID.cell_size,
-        judges,
-        (lambda name: _groups(shelf, name)) if tilting else None,
-        **more,
+        HEURISTICS[heuristic], GRID, judges, (lambda name: _groups(shelf, name)) if tilting else None, **more
     )
 
 
 _CACHE: dict[str, list[tuple[OrientedItem, ...]]] = {}
 
 
-def _groups(shelf: Shelf, name: str) -> list[tuple[OrientedItem, ...]]:
+def _groups(shelf: ItemShelf, name: str) -> list[tuple[OrientedItem, ...]]:
     if name not in _CACHE:
-        _CACHE[name] = list(perturbations(shelf.meshes[name], shelf.prepared[name].poses, GRID, BOX.size))
+        _CACHE[name] = list(perturbations(shelf.shapes[name], shelf.prepared[name].poses, GRID, BOX.size))
     return _CACHE[name]
 
 
@@ -157,7 +164,7 @@ def is_stable_pose(oriented: OrientedItem, item: PreparedItem) -> bool:
 
 
 @pytest.mark.parametrize("heuristic", sorted(HEURISTICS))
-def test_constraints_that_accept_everything_change_nothing(heuristic: str, shelf: Shelf) -> None:
+def test_constraints_that_accept_everything_change_nothing(heuristic: str, shelf: ItemShelf) -> None:
     names = [*NAMES, "block", "stick"]
     free = planner(shelf, heuristic=heuristic, tilting=False, seed=5).pack(names, shelf.prepared, BOX)
     for judges in ((Judge(yes),), (Judge(yes), Judge(yes, "other"))):
@@ -173,7 +180,7 @@ def test_constraints_that_accept_everything_change_nothing(heuristic: str, shelf
 
 @pytest.mark.parametrize("heuristic", FIXED)
 @pytest.mark.parametrize("search", ["3d", "5d"])
-def test_every_placement_is_a_legal_candidate(search: str, heuristic: str, shelf: Shelf) -> None:
+def test_every_placement_is_a_legal_candidate(search: str, heuristic: str, shelf: ItemShelf) -> None:
     """Constraints only remove: pose and score are those of a candidate of the pile of that step."""
     judge = Judge(by_lot(0.95))
     planned = planner(shelf, judge, heuristic=heuristic, search=search, max_checked=40)
@@ -206,17 +213,17 @@ def _is_among(placement: Placement, candidates: Candidates, heuristic: str) -> b
     return len(here) == 1 and scores[here[0]] == placement.score
 
 
-def test_whatever_is_rejected_nothing_overlaps(shelf: Shelf) -> None:
+def test_whatever_is_rejected_nothing_overlaps(shelf: ItemShelf) -> None:
     for share in (0.5, 0.9):
         packing = planner(shelf, Judge(by_lot(share))).pack(NAMES, shelf.prepared, BOX)
-        assert audit_plan(_plan(packing, NAMES, {}), MESHES).ok
+        assert audit_plan(_plan(packing, NAMES), MESHES).ok
 
 
 # ------------------------------------------------------------------------------- sequence of questions
 
 
 @pytest.mark.parametrize("heuristic", FIXED)
-def test_candidates_are_asked_in_the_order_of_their_scores(heuristic: str, shelf: Shelf) -> None:
+def test_candidates_are_asked_in_the_order_of_their_scores(heuristic: str, shelf: ItemShelf) -> None:
     """The 30 best, best first, equal ones in the sequence of Alg. 2."""
     judge = Judge(lambda trial, placed: not placed)
     planned = planner(shelf, judge, heuristic=heuristic, tilting=False, max_checked=30)
@@ -231,7 +238,7 @@ def test_candidates_are_asked_in_the_order_of_their_scores(heuristic: str, shelf
         assert (trial.ix, trial.iy, trial.z) == (candidates.ix[k], candidates.iy[k], candidates.z[k])
 
 
-def test_a_trial_tells_its_pose(shelf: Shelf) -> None:
+def test_a_trial_tells_its_pose(shelf: ItemShelf) -> None:
     judge = Judge(yes)
     (placement,) = planner(shelf, judge).pack(["cup"], shelf.prepared, BOX).placements
     ((trial, _),) = judge.asked
@@ -242,7 +249,7 @@ def test_a_trial_tells_its_pose(shelf: Shelf) -> None:
     assert placement.details == {"judge": {"of": "judge"}}
 
 
-def test_the_second_constraint_is_asked_only_what_the_first_accepts(shelf: Shelf) -> None:
+def test_the_second_constraint_is_asked_only_what_the_first_accepts(shelf: ItemShelf) -> None:
     first, second = Judge(by_lot(0.6), "first", "low"), Judge(by_lot(0.0), "second", "high")
     picky = Judge(lambda trial, placed: int(trial.corner.sum() * 1e6) % 3 == 0, "third", "odd")
     packing = planner(shelf, first, second, picky).pack(NAMES, shelf.prepared, BOX)
@@ -259,7 +266,7 @@ def test_the_second_constraint_is_asked_only_what_the_first_accepts(shelf: Shelf
         assert set(placement.details) == {"first", "second", "third"}
 
 
-def test_a_constraint_is_given_the_state_of_what_was_placed(shelf: Shelf) -> None:
+def test_a_constraint_is_given_the_state_of_what_was_placed(shelf: ItemShelf) -> None:
     """Every question comes with the accepted trials so far, on the heightmap that they make."""
     questions: list[tuple[int, ...]] = []
 
@@ -286,7 +293,7 @@ def test_a_constraint_is_given_the_state_of_what_was_placed(shelf: Shelf) -> Non
 @pytest.mark.parametrize("max_checked", [1, 7, 100])
 @pytest.mark.parametrize("search", ["3d", "5d"])
 def test_a_constraint_that_rejects_everything_leaves_everything(
-    search: str, max_checked: int, shelf: Shelf
+    search: str, max_checked: int, shelf: ItemShelf
 ) -> None:
     """N candidates of every orientation set are asked: the stable poses, then each perturbation."""
     judge = Judge(no)
@@ -308,7 +315,7 @@ def test_a_constraint_that_rejects_everything_leaves_everything(
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
-def test_counts_add_up(share: float, shelf: Shelf) -> None:
+def test_counts_add_up(share: float, shelf: ItemShelf) -> None:
     judge = Judge(by_lot(share))
     packing = planner(shelf, judge, max_checked=20).pack(NAMES, shelf.prepared, BOX)
     total = 0
@@ -323,7 +330,7 @@ def test_counts_add_up(share: float, shelf: Shelf) -> None:
         assert any(placement.checked > 20 for placement in packing.placements)
 
 
-def test_an_objection_takes_no_candidate_s_turn(shelf: Shelf) -> None:
+def test_an_objection_takes_no_candidate_s_turn(shelf: ItemShelf) -> None:
     """With all poses but one objected to, the same is asked as if the item had that pose alone."""
     brick = shelf.prepared["brick"]
     single = dataclasses.replace(
@@ -340,13 +347,13 @@ def test_an_objection_takes_no_candidate_s_turn(shelf: Shelf) -> None:
     assert packing.leftovers[0].rejections == {"orientation-objection": objected, "no": 9}
 
 
-def test_checked_is_what_was_put_to_the_constraints(shelf: Shelf) -> None:
+def test_checked_is_what_was_put_to_the_constraints(shelf: ItemShelf) -> None:
     judge = Judge(lambda trial, placed: trial.ix > 0, objects_to=lambda oriented: oriented.pose_index != 1)
     (placement,) = planner(shelf, judge).pack(["brick"], shelf.prepared, BOX).placements
     assert placement.checked == len(judge.asked)
 
 
-def test_an_objection_to_everything_asks_nothing(shelf: Shelf) -> None:
+def test_an_objection_to_everything_asks_nothing(shelf: ItemShelf) -> None:
     judge = Judge(yes, objects_to=lambda oriented: oriented.item == "can")
     packing = planner(shelf, judge).pack(["can", "brick"], shelf.prepared, BOX)
     assert [p.item for p in packing.placements] == ["brick"]
@@ -360,7 +367,7 @@ def test_an_objection_to_everything_asks_nothing(shelf: Shelf) -> None:
 # -------------------------------------------------------------------------------------------- fallback
 
 
-def test_later_in_the_sequence_an_item_may_go(shelf: Shelf) -> None:
+def test_later_in_the_sequence_an_item_may_go(shelf: ItemShelf) -> None:
     """Alg. 4 line 15: the book fails, the brick and the can go in, then the book goes in at a stable pose."""
 
     def once_the_brick_is_in(trial: Trial, placed: tuple[Trial, ...]) -> bool:
@@ -381,7 +388,7 @@ def test_later_in_the_sequence_an_item_may_go(shelf: Shelf) -> None:
     np.testing.assert_allclose(book.position, last.placements[-1].position, atol=1e-12)
 
 
-def test_the_fallback_keeps_the_sequence_of_the_failed(shelf: Shelf) -> None:
+def test_the_fallback_keeps_the_sequence_of_the_failed(shelf: ItemShelf) -> None:
     def after_the_cup(trial: Trial, placed: tuple[Trial, ...]) -> bool:
         return trial.oriented.item == "cup" or any(p.oriented.item == "cup" for p in placed)
 
@@ -396,7 +403,7 @@ def test_the_fallback_keeps_the_sequence_of_the_failed(shelf: Shelf) -> None:
     ]
 
 
-def test_perturbed_orientations_come_last_and_in_their_sequence(shelf: Shelf) -> None:
+def test_perturbed_orientations_come_last_and_in_their_sequence(shelf: ItemShelf) -> None:
     """Stable poses are asked twice, then one roll and pitch offset after another, until one passes."""
     groups = _groups(shelf, "can")
     wanted = 3
@@ -415,7 +422,7 @@ def test_perturbed_orientations_come_last_and_in_their_sequence(shelf: Shelf) ->
     assert placement.checked == 4 * (wanted + 1) + 1
 
 
-def test_routes_are_as_they_are_defined(shelf: Shelf) -> None:
+def test_routes_are_as_they_are_defined(shelf: ItemShelf) -> None:
     for search in ("3d", "5d"):
         packing = planner(shelf, Judge(by_lot(0.9)), search=search, max_checked=10).pack(
             NAMES * 2, shelf.prepared, BOX
@@ -434,7 +441,7 @@ def test_routes_are_as_they_are_defined(shelf: Shelf) -> None:
         assert turns == sorted(turns, reverse=True)
 
 
-def test_without_perturbations_there_is_no_fallback(shelf: Shelf) -> None:
+def test_without_perturbations_there_is_no_fallback(shelf: ItemShelf) -> None:
     judge = Judge(no)
     packing = planner(shelf, judge, tilting=False).pack(["can"], shelf.prepared, BOX)
     assert len(judge.asked) == 100
@@ -444,7 +451,7 @@ def test_without_perturbations_there_is_no_fallback(shelf: Shelf) -> None:
 # --------------------------------------------------------------------------------------------- restarts
 
 
-def test_a_restart_puts_first_what_failed(shelf: Shelf) -> None:
+def test_a_restart_puts_first_what_failed(shelf: ItemShelf) -> None:
     """The can only goes on the empty floor: planned anew with it first, the order is complete."""
 
     def can_first(trial: Trial, placed: tuple[Trial, ...]) -> bool:
@@ -460,7 +467,7 @@ def test_a_restart_puts_first_what_failed(shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.98])
-def test_restarts_never_place_fewer(share: float, shelf: Shelf) -> None:
+def test_restarts_never_place_fewer(share: float, shelf: ItemShelf) -> None:
     placed = []
     for restarts in (0, 1, 3):
         packing = planner(shelf, Judge(by_lot(share)), max_checked=3, restarts=restarts, tilting=False).pack(
@@ -473,13 +480,13 @@ def test_restarts_never_place_fewer(share: float, shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.9, 0.99])
-def test_the_last_resort_is_for_orders_that_no_restart_completes(share: float, shelf: Shelf) -> None:
+def test_the_last_resort_is_for_orders_that_no_restart_completes(share: float, shelf: ItemShelf) -> None:
     """And never places fewer: a judge that refuses many is asked in the tiers, one that refuses none last."""
     strict, lax = Judge(by_lot(share)), Judge(yes)
-    usual, rare = (Tier(constraints=(strict,)),), (Tier(constraints=(lax,)),)
+    rare = (Tier(instead={lax.name: lax}),)
     plans = [
-        planner(shelf, strict, tilting=False, tiers=usual, restarts=1, resort=resort)
-        for resort in ((), (rare,))
+        planner(shelf, strict, tilting=False, strategy=Strategy(restarts=1, last_resorts=resorts))
+        for resorts in ((), (rare,))
     ]
     without, resorting = (plan.pack(NAMES, shelf.prepared, BOX) for plan in plans)
     assert len(resorting.placements) >= len(without.placements)
@@ -491,7 +498,7 @@ def test_the_last_resort_is_for_orders_that_no_restart_completes(share: float, s
         assert poses(resorting) == poses(alone)
 
 
-def test_what_cannot_be_helped_is_not_tried_again(shelf: Shelf) -> None:
+def test_what_cannot_be_helped_is_not_tried_again(shelf: ItemShelf) -> None:
     """Complete orders, items that are too large or cannot be taken: one run."""
     for names in (["brick", "can"], ["brick", "board"]):
         asked = []
@@ -506,7 +513,7 @@ def test_what_cannot_be_helped_is_not_tried_again(shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("heuristic", FIXED)
-def test_more_orientations_never_score_worse(heuristic: str, shelf: Shelf) -> None:
+def test_more_orientations_never_score_worse(heuristic: str, shelf: ItemShelf) -> None:
     """The stable poses are among those of the 5D search."""
     for name in ("book", "can", "cup"):
         scores = {}
@@ -518,7 +525,7 @@ def test_more_orientations_never_score_worse(heuristic: str, shelf: Shelf) -> No
 
 
 def plain_5d(
-    shelf: Shelf, names: Sequence[str], judge: Judge, heuristic: str, max_checked: int
+    shelf: ItemShelf, names: Sequence[str], judge: Judge, heuristic: str, max_checked: int
 ) -> list[tuple[Any, ...]]:
     """The 5D search without any short cut: every candidate scored, sorted, and asked in turn.
 
@@ -575,7 +582,7 @@ def picky(share: float) -> Callable[[OrientedItem], bool]:
     [(0.0, 0.0, 100), (0.9, 0.3, 100), (0.97, 0.97, 20), (0.9, 0.9, 3), (0.5, 1.0, 5), (1.0, 0.5, 7)],
 )
 def test_the_5d_search_is_the_plain_search(
-    rejected: float, objected: float, max_checked: int, heuristic: str, shelf: Shelf
+    rejected: float, objected: float, max_checked: int, heuristic: str, shelf: ItemShelf
 ) -> None:
     """Same places, same scores, same counts, though few orientations are asked about."""
     names = ["book", "can", "cup", "brick", "tile"]
@@ -592,7 +599,7 @@ def test_the_5d_search_is_the_plain_search(
 
 
 @pytest.mark.parametrize("heuristic", ["hm", "dblf", "mta", "minz"])
-def test_asking_late_and_asking_first_place_alike(heuristic: str, shelf: Shelf) -> None:
+def test_asking_late_and_asking_first_place_alike(heuristic: str, shelf: ItemShelf) -> None:
     """As if the orientations that are objected to were not there."""
     names = ["book", "can", "cup", "brick"]
     late = planner(
@@ -608,13 +615,13 @@ def test_asking_late_and_asking_first_place_alike(heuristic: str, shelf: Shelf) 
 
 
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])
-def test_5d_plans_are_legal(constraints: str, shelf: Shelf) -> None:
+def test_5d_plans_are_legal(constraints: Constraints, shelf: ItemShelf) -> None:
     names = ["book", "brick", "can", "cup"]
-    choice = PlannerChoice(constraints=constraints, search="5d")
-    packing = assemble(choice, shelf, BOX, GRID).pack(names, shelf.prepared, BOX)
+    options = PlanOptions(constraints=constraints, search="5d", grid=GRID)
+    packing = assemble(options, shelf, BOX).pack(names, shelf.prepared, BOX)
     assert packing.complete
     assert {p.route for p in packing.placements} == {"5d"}
-    plan = _plan(packing, names, {})
+    plan = _plan(packing, names)
     assert audit_plan(plan, MESHES).ok
     assert _again(plan, shelf, constraints, "paper").ok
 
@@ -622,33 +629,34 @@ def test_5d_plans_are_legal(constraints: str, shelf: Shelf) -> None:
 # ------------------------------------------------------------------------------------ real constraints
 
 
-def _plan(packing: Packing, names: Sequence[str], settings: Mapping[str, object]) -> Plan:
+def _plan(packing: Packing, names: Sequence[str], options: PlanOptions | None = None) -> Plan:
     lines = tuple(OrderLine(name, n) for name, n in Counter(names).items())
-    return make_plan(packing, lines, MESHES, GRID, catalogue="builtin", settings=settings)
+    return make_plan(packing, lines, shelf_of(MESHES, GRID), options or PlanOptions(grid=GRID))
 
 
-def _again(plan: Plan, shelf: Shelf, constraints: str, stability: str) -> Recheck:
-    return recheck(
-        plan,
-        MESHES,
-        shelf.fields,
-        constraints=constraints,
-        stability=stability,
-        contacts="surface",
-        grasp="seal",
-        cell_size=GRID.cell_size,
-    )
+def _again(plan: Plan, shelf: ItemShelf, constraints: Constraints, stability: StabilityRule) -> Recheck:
+    options = PlanOptions(constraints=constraints, stability=stability, grid=GRID)
+    return recheck(plan, MESHES, shelf.fields, options)
 
 
-def _planned(shelf: Shelf, names: Sequence[str], container: Container = BOX, **choice: Any) -> Packing:
-    return assemble(PlannerChoice(**choice), shelf, container, GRID).pack(names, shelf.prepared, container)
+def _planned(
+    shelf: ItemShelf,
+    names: Sequence[str],
+    container: Container = BOX,
+    *,
+    margins: bool = False,
+    **options: Any,
+) -> Packing:
+    planner = assemble(PlanOptions(**options, grid=GRID), shelf, container, margins=margins)
+    return planner.pack(names, shelf.prepared, container)
 
 
 @pytest.mark.parametrize("heuristic", sorted(HEURISTICS))
-def test_same_seed_same_plan_under_robot_constraints(heuristic: str, shelf: Shelf) -> None:
+def test_same_seed_same_plan_under_robot_constraints(heuristic: str, shelf: ItemShelf) -> None:
     def document(seed: int) -> str:
-        packing = _planned(shelf, NAMES, heuristic=heuristic, seed=seed, with_margin=True)
-        return json.dumps(plan_to_json(_plan(packing, NAMES, {"seed": seed})), allow_nan=False)
+        packing = _planned(shelf, NAMES, heuristic=heuristic, seed=seed, margins=True)
+        options = PlanOptions(heuristic, seed=seed, grid=GRID)
+        return json.dumps(plan_to_json(_plan(packing, NAMES, options)), allow_nan=False)
 
     one = document(3)
     assert one == document(3)
@@ -659,7 +667,7 @@ def test_same_seed_same_plan_under_robot_constraints(heuristic: str, shelf: Shel
 @pytest.mark.parametrize(
     ("heuristic", "stability"), [*((name, "paper") for name in sorted(HEURISTICS)), ("hm", "margin")]
 )
-def test_every_prefix_of_the_pile_stands(stability: str, heuristic: str, shelf: Shelf) -> None:
+def test_every_prefix_of_the_pile_stands(stability: str, heuristic: str, shelf: ItemShelf) -> None:
     """From nothing: contacts of the exact surfaces, not thinned, no forces of the step before."""
     names = NAMES if stability == "paper" else NAMES[:4]
     packing = _planned(
@@ -682,28 +690,29 @@ def test_every_prefix_of_the_pile_stands(stability: str, heuristic: str, shelf: 
 
 
 @pytest.mark.parametrize("heuristic", ["hm", "mta", "random"])
-def test_piles_with_a_margin_also_stand_by_the_paper_s_rule(heuristic: str, shelf: Shelf) -> None:
+def test_piles_with_a_margin_also_stand_by_the_paper_s_rule(heuristic: str, shelf: ItemShelf) -> None:
     packing = _planned(shelf, NAMES, heuristic=heuristic, stability="margin", seed=2)
-    plan = _plan(packing, NAMES, {})
+    plan = _plan(packing, NAMES)
     for rule in ("paper", "margin"):
         assert _again(plan, shelf, "robot", rule).ok
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.008])
 def test_a_cautious_plan_does_without_a_margin_only_for_what_comes_last(
-    clearance: float, shelf: Shelf
+    clearance: float, shelf: ItemShelf
 ) -> None:
     """What is placed in the first pass stands alone by the margin rule, asked again from nothing."""
-    choice = PlannerChoice(constraints="stability", stability="cautious", clearance=clearance)
-    planner = assemble(choice, shelf, BOX, GRID)
+    options = PlanOptions(constraints="stability", stability="cautious", clearance=clearance, grid=GRID)
+    planner = assemble(options, shelf, BOX)
     names = [*["ball"] * 7, *NAMES]
     packing = planner.pack(names, shelf.prepared, BOX)
     assert packing.complete
-    assert _again(_plan(packing, names, {}), shelf, "stability", "paper").ok
+    assert _again(_plan(packing, names), shelf, "stability", "paper").ok
     routes = [p.route for p in packing.placements]
     waited = routes.index("later") if clearance else len(routes)
     assert set(routes[:waited]) == {"first-pass"}
-    (alone,) = planner.tiers[0].constraints or ()
+    (alone,) = planner.strategy.first[0].rules(planner.constraints)
+    assert alone is not planner.constraints[0]
     state = alone.start()
     for p, surface in zip(
         packing.placements[:waited],
@@ -719,7 +728,7 @@ def test_a_cautious_plan_does_without_a_margin_only_for_what_comes_last(
 
 @pytest.mark.parametrize(("search", "clearance"), [("3d", 0.0), ("3d", 0.008), ("5d", 0.0), ("5d", 0.008)])
 def test_what_has_no_margin_anywhere_is_packed_even_so(
-    search: str, clearance: float, shelf: Shelf, monkeypatch: pytest.MonkeyPatch
+    search: str, clearance: float, shelf: ItemShelf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Under a tilt beyond the angle of friction everything slides."""
     steep = MarginRule(tilt_deg=math.degrees(math.atan(MARGIN.mu)) + 2.0, mu=MARGIN.mu)
@@ -734,7 +743,7 @@ def test_what_has_no_margin_anywhere_is_packed_even_so(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_caution_costs_no_item(seed: int, shelf: Shelf) -> None:
+def test_caution_costs_no_item(seed: int, shelf: ItemShelf) -> None:
     """In boxes that are too small for most orders."""
     names = [name for name in MESHES if name not in ("board", "block")]
     order = np.random.default_rng(seed).choice(names, 9).tolist()
@@ -746,27 +755,28 @@ def test_caution_costs_no_item(seed: int, shelf: Shelf) -> None:
     assert packed["cautious"] >= packed["paper"] > 0
 
 
-def test_details_of_a_step(shelf: Shelf) -> None:
+def test_details_of_a_step(shelf: ItemShelf) -> None:
     """Forces carry the item's weight, the joints lead over the release to the placement."""
-    packing = _planned(shelf, ["book", "brick"], with_margin=True)
+    packing = _planned(shelf, ["book", "brick"], margins=True)
     for p in packing.placements:
-        stability, manipulation = p.details["stability"], p.details["manipulation"]
+        stability, path = p.details["stability"], p.path
+        assert path is not None
         assert stability["contacts"] >= len(stability["forces"]) >= 3
         assert 0.0 <= stability["margin_deg"] <= 45.0
         low, high = p.corner - 0.002, p.corner + p.extents + 0.002
         for force in stability["forces"]:
             assert np.all((low <= force["at"]) & (force["at"] <= high))
-        joints, heights = np.array(manipulation["joints"]), manipulation["cup_heights"]
+        joints, heights = path.joints, path.cup_heights
         assert joints.shape == (len(heights), 6)
         assert np.all(np.diff(heights) < 0)
-        assert heights[-1] == pytest.approx(manipulation["grasp"][2], abs=1e-9)
+        assert heights[-1] == pytest.approx(path.grasp[2], abs=1e-9)
         assert heights[-2] - heights[-1] == pytest.approx(0.01, abs=1e-9)
     top = packing.placements[-1]
     lift = sum(force["force"][2] for force in top.details["stability"]["forces"])
     assert lift == pytest.approx(MESHES[top.item].mass * 9.81, rel=1e-3)
 
 
-def test_a_ball_on_a_flat_floor_stands_for_the_paper_and_not_with_a_margin(shelf: Shelf) -> None:
+def test_a_ball_on_a_flat_floor_stands_for_the_paper_and_not_with_a_margin(shelf: ItemShelf) -> None:
     """DESIGN: the paper's check is too optimistic, "especially for balls".
 
     Away from the walls: in a corner, friction between two walls and the floor can hold a ball, and both rules
@@ -776,14 +786,14 @@ def test_a_ball_on_a_flat_floor_stands_for_the_paper_and_not_with_a_margin(shelf
     trial = Trial(shelf.prepared["ball"].orientations[0], 15, 15, 0.0)
     verdicts = {}
     for rule in ("paper", "margin"):
-        choice = PlannerChoice(constraints="stability", stability=rule)
-        (constraint,) = assemble(choice, shelf, BOX, GRID).constraints
+        options = PlanOptions(constraints="stability", stability=rule, grid=GRID)
+        (constraint,) = assemble(options, shelf, BOX).constraints
         verdicts[rule] = constraint.check(trial, empty, constraint.start())
     assert verdicts["paper"].ok
     assert (verdicts["margin"].ok, verdicts["margin"].reason) == (False, "unstable-new-item")
 
 
-def test_an_item_without_a_graspable_spot_says_so(shelf: Shelf) -> None:
+def test_an_item_without_a_graspable_spot_says_so(shelf: ItemShelf) -> None:
     packing = _planned(shelf, ["brick", "stick"])
     assert [p.item for p in packing.placements] == ["brick"]
     (left,) = packing.leftovers
@@ -792,13 +802,13 @@ def test_an_item_without_a_graspable_spot_says_so(shelf: Shelf) -> None:
     assert _planned(shelf, ["brick", "stick"], constraints="stability").complete
 
 
-def test_a_graspable_item_that_is_too_large_is_too_large(shelf: Shelf) -> None:
+def test_a_graspable_item_that_is_too_large_is_too_large(shelf: ItemShelf) -> None:
     """A board can be taken lying and not on its edge; it fits neither way."""
     (left,) = _planned(shelf, ["board"]).leftovers
     assert left.reason == "larger-than-container"
 
 
-def test_a_graspable_item_that_finds_no_room_finds_no_room(shelf: Shelf) -> None:
+def test_a_graspable_item_that_finds_no_room_finds_no_room(shelf: ItemShelf) -> None:
     """A tile can be taken lying; beside and on the block there is no room for it in any pose."""
     block = Container(0.19, 0.19, 0.11)
     packing = _planned(shelf, ["block", "tile"], block)
@@ -806,13 +816,13 @@ def test_a_graspable_item_that_finds_no_room_finds_no_room(shelf: Shelf) -> None
     assert packing.leftovers[0].reason == "no-legal-candidate"
 
 
-def test_no_graspable_spot_in_any_orientation_that_fits(shelf: Shelf) -> None:
+def test_no_graspable_spot_in_any_orientation_that_fits(shelf: ItemShelf) -> None:
     """A slit takes a book on its edge alone; with an edge of 1 cm, the cup cannot."""
     (left,) = _planned(shelf, ["tile"], Container(0.2, 0.02, 0.2)).leftovers
     assert left.reason == "no-graspable-spot"
 
 
-def test_the_floor_of_a_deep_container_is_out_of_reach(shelf: Shelf) -> None:
+def test_the_floor_of_a_deep_container_is_out_of_reach(shelf: ItemShelf) -> None:
     """The gripper is 30 cm long: an arm that stays above the rim cannot put a brick 1.4 m below it."""
     deep = Container(0.2, 0.2, 1.5)
     packing = _planned(shelf, ["brick"], deep, max_checked=5)
@@ -827,7 +837,7 @@ def test_the_floor_of_a_deep_container_is_out_of_reach(shelf: Shelf) -> None:
 
 
 @pytest.mark.parametrize("size", [(2.0, 2.0, 2.0), (0.05, 0.05, 0.05), (2.0, 0.05, 0.05), (0.02, 0.02, 0.02)])
-def test_odd_containers_give_an_answer(size: tuple[float, float, float], shelf: Shelf) -> None:
+def test_odd_containers_give_an_answer(size: tuple[float, float, float], shelf: ItemShelf) -> None:
     packing = _planned(shelf, ["tile"], Container(*size), heuristic="dblf")
     assert len(packing.placements) + len(packing.leftovers) == 1
     for left in packing.leftovers:

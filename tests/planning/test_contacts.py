@@ -14,7 +14,7 @@ from packenv.geometry.prepare import prepare_item
 from packenv.io.catalogues import open_catalogue
 from packenv.planning.contact_patches import HULL, thin
 from packenv.planning.contacts import THRESHOLD, Body, item_contacts, join, no_contacts, pile_contacts
-from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.paper_contacts import paper_contacts
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Contacts, Container, FloatArray, Item
@@ -54,15 +54,8 @@ def packed_pile(items: list[Item]) -> list[Body]:
     """The items as the planner packs them."""
     grid = GridConfig()
     prepared = {item.name: prepare_item(item, grid) for item in items}
-    plan = pack(
-        by_box_volume([item.name for item in items], prepared),
-        prepared,
-        BOX,
-        HEURISTICS["hm"],
-        cell_size=grid.cell_size,
-        step=grid.step_cells,
-        seed=0,
-    )
+    sequence = by_box_volume([item.name for item in items], prepared)
+    plan = Planner(HEURISTICS["hm"], grid).pack(sequence, prepared, BOX)
     named = {item.name: item for item in items}
     return [body(named[p.item], tuple(p.position), p.rotation) for p in plan.placements]
 

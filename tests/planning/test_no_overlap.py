@@ -20,7 +20,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.transforms import yaw_rotation
 from packenv.io.catalogues import open_catalogue
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import pack
+from packenv.planning.packer import Planner
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container, Item, OrientedItem, Placement, Plan
 
@@ -106,9 +106,7 @@ def test_plans_of_every_heuristic_pass_the_audit(
 ) -> None:
     rng = np.random.default_rng(7)
     order = [str(name) for name in rng.choice(sorted(prepared), 12)]
-    packing = pack(
-        order, prepared, BOX, HEURISTICS[heuristic], cell_size=GRID.cell_size, step=GRID.step_cells, seed=1
-    )
+    packing = Planner(HEURISTICS[heuristic], GRID, seed=1).pack(order, prepared, BOX)
     assert len(packing.placements) > 6
     report = audit_plan(Plan(BOX, packing.placements, ()), {item.name: item for item in own})
     assert report.ok, report

@@ -12,7 +12,7 @@ from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.transforms import yaw_rotation
-from packenv.planning.packer import by_box_volume, pack
+from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.replay import replay
 from packenv.planning.scores import HEURISTICS
 from packenv.types import Container, Item
@@ -41,15 +41,7 @@ def _pack(
     names: list[str], items: dict[str, PreparedItem], heuristic: str = "hm", seed: int = 0, **size: float
 ):
     container = Container(**{"length": 0.3, "width": 0.3, "height": 0.2, **size})
-    return pack(
-        names,
-        items,
-        container,
-        HEURISTICS[heuristic],
-        cell_size=GRID.cell_size,
-        step=GRID.step_cells,
-        seed=seed,
-    )
+    return Planner(HEURISTICS[heuristic], GRID, seed=seed).pack(names, items, container)
 
 
 def test_sequence_is_by_non_increasing_box_volume(items: dict[str, PreparedItem]) -> None:
