@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -139,7 +139,7 @@ def plan(
     Raises:
         InputError: an option, the order, the container or a mesh is wrong.
     """
-    chosen = _options(options or PlanOptions(), words)
+    chosen = (options or PlanOptions()).changed(words)
     shelf = shelf_for(catalogue, chosen)
     boxes = _boxes(container)
     _check_names(order, shelf)
@@ -350,6 +350,11 @@ def shelf_of(
     """
     if catalogue is None and plan.catalogue == MEMORY and plan.items:
         catalogue = Catalogue.of_items(plan.items)
+    elif catalogue is None and plan.catalogue == MEMORY:
+        raise PlanError(
+            f"{plan.label}: its meshes were in a script's memory, in no folder; give them again: --catalogue DIR, "
+            "catalogue= in a script"
+        )
     elif catalogue is None or isinstance(catalogue, str | Path):
         catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
     chosen = options or options_of(plan)
@@ -522,17 +527,6 @@ def _moved(placement: Any, rest: Resting) -> Any:
     )
 
 
-def _options(options: PlanOptions, words: Mapping[str, Any]) -> PlanOptions:
-    """Options, some of them replaced by name."""
-    if not words:
-        return options
-    known = {f.name for f in fields(PlanOptions)}
-    if set(words) <= known:
-        return replace(options, **words)
-    wrong = {name: value for name, value in words.items() if name not in known}
-    return PlanOptions.from_mapping({**options.to_mapping(), **wrong})
-
-
 def _catalogue(catalogue: Items) -> Catalogue:
     if isinstance(catalogue, ItemShelf):
         return catalogue.catalogue
@@ -552,6 +546,8 @@ def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Contain
 
 
 def _check_names(order: Order, shelf: ItemShelf) -> None:
+    if not order.names:
+        raise OrderError("the order is empty, give at least one item")
     for name in dict.fromkeys(order.names):
         if name not in shelf:
             hint = closest_match(name, shelf.catalogue.names)
