@@ -15,7 +15,7 @@ Command line, experiments, benchmarks and a user's scripts all go this way::
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -154,7 +154,7 @@ def plan(
     Raises:
         InputError: an option, the order, the container or a mesh is wrong.
     """
-    chosen = _options(options or PlanOptions(), words)
+    chosen = (options or PlanOptions()).changed(words)
     shelf = shelf_for(catalogue, chosen)
     boxes = _boxes(container)
     _check_names(order, shelf)
@@ -269,17 +269,6 @@ def _moved(placement: Placement, rest: Resting) -> Placement:
     )
 
 
-def _options(options: PlanOptions, words: Mapping[str, Any]) -> PlanOptions:
-    """Options, some of them replaced by name."""
-    if not words:
-        return options
-    known = {f.name for f in fields(PlanOptions)}
-    if set(words) <= known:
-        return replace(options, **words)
-    wrong = {name: value for name, value in words.items() if name not in known}
-    return PlanOptions.from_mapping({**options.to_mapping(), **wrong})
-
-
 def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Container]:
     """The containers to try, the smallest first."""
     if isinstance(container, Container):
@@ -293,6 +282,8 @@ def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Contain
 
 
 def _check_names(order: Order, shelf: ItemShelf) -> None:
+    if not order.names:
+        raise OrderError("the order is empty, give at least one item")
     for name in dict.fromkeys(order.names):
         if name not in shelf:
             hint = closest_match(name, shelf.catalogue.names)

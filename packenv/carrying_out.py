@@ -24,7 +24,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
-from packenv.sim.world import World
+from packenv.sim.world import EngineError, World
 from packenv.types import Frame, Leftover, Plan, Pose
 from packenv.watcher import SILENT, Watcher
 
@@ -122,7 +122,8 @@ def execute(
         watcher: is told of remarks and of progress.
 
     Raises:
-        InputError: the plan places no item or its robot's path is none, or a mesh is not the plan's.
+        InputError: the plan places no item or its robot's path is none, a mesh is not the plan's, or the
+            window was closed before the end.
     """
     if not plan.placements:
         raise PlanError(f"{plan.label}: places no item, so there is nothing to execute")
@@ -168,15 +169,20 @@ def execute(
     watching = see if recorder is not None or watch is not None else None
     cell = Cell.beside(plan.container)
     with Session(cell, settings, urdf, lying=lying, gui=gui, watch=watching) as session:
-        if closed_loop:
-            loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
-            executed = loop.run(session, disturbance)
-        else:
-            for step, task in enumerate(watcher.progress(tasks, "executing"), start=len(placed) + 1):
-                session.place(task if disturbance is None else disturbance.task(task, step))
-                if session.failed:
-                    break
-            executed = ExecutedPlan(plan, session.result(), config)
+        try:
+            if closed_loop:
+                loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
+                executed = loop.run(session, disturbance)
+            else:
+                for step, task in enumerate(watcher.progress(tasks, "executing"), start=len(placed) + 1):
+                    session.place(task if disturbance is None else disturbance.task(task, step))
+                    if session.failed:
+                        break
+                executed = ExecutedPlan(plan, session.result(), config)
+        except EngineError:
+            if session.world.open:
+                raise
+            raise InputError("gui: the window was closed before the execution was done") from None
     frames = () if recorder is None else recorder.frames()
     return replace(executed, disturbance=disturbance, frames=frames, placed=len(placed))
 

@@ -81,6 +81,11 @@ def shelf_of(
     """
     if catalogue is None and plan.catalogue == MEMORY and plan.items:
         catalogue = Catalogue.of_items(plan.items)
+    elif catalogue is None and plan.catalogue == MEMORY:
+        raise PlanError(
+            f"{plan.label}: its meshes were in a script's memory, in no folder; give them again: --catalogue DIR, "
+            "catalogue= in a script"
+        )
     elif catalogue is None or isinstance(catalogue, str | Path):
         catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
     chosen = options or options_of(plan)

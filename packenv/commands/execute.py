@@ -58,30 +58,24 @@ def run(arguments: argparse.Namespace) -> int:
 def _executed(plan: Plan, arguments: argparse.Namespace) -> ExecutedPlan:
     from packenv.carrying_out import execute
     from packenv.quiet import engine_muted
-    from packenv.sim.world import EngineError
 
     with engine_muted() if arguments.gui else nullcontext():
-        try:
-            return execute(
-                plan,
-                arguments.catalogue,
-                unit=arguments.unit,
-                feel=arguments.feel,
-                closed_loop=arguments.closed_loop,
-                gentle=arguments.gentle,
-                disturb=(arguments.seed or 0) if arguments.disturb else None,
-                settle=arguments.settle,
-                full_settle=arguments.full_settle,
-                options=_own_code(plan, arguments),
-                record=arguments.gif is not None,
-                gui=arguments.gui,
-                watch=_at_real_speed() if arguments.gui else None,
-                watcher=Terminal(),
-            )
-        except EngineError:
-            if not arguments.gui:
-                raise
-            raise InputError("--gui: the window was closed before the execution was done") from None
+        return execute(
+            plan,
+            arguments.catalogue,
+            unit=arguments.unit,
+            feel=arguments.feel,
+            closed_loop=arguments.closed_loop,
+            gentle=arguments.gentle,
+            disturb=(arguments.seed or 0) if arguments.disturb else None,
+            settle=arguments.settle,
+            full_settle=arguments.full_settle,
+            options=_own_code(plan, arguments),
+            record=arguments.gif is not None,
+            gui=arguments.gui,
+            watch=_at_real_speed() if arguments.gui else None,
+            watcher=Terminal(),
+        )
 
 
 def _own_code(plan: Plan, arguments: argparse.Namespace) -> PlanOptions | None:

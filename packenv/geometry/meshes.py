@@ -61,9 +61,18 @@ def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
         MeshError: everything else that is wrong with the file, one line that names it.
     """
     path = Path(path)
-    if unit is not None and unit not in UNITS:
-        raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    check_unit(unit)
     return solid_mesh(path, read_mesh_file(path), unit)
+
+
+def check_unit(unit: str | None) -> None:
+    """Refuse a unit that is none of :data:`UNITS`; None is fine.
+
+    Raises:
+        UnitError: it is unknown.
+    """
+    if unit is not None and unit not in UNITS:
+        raise UnitError(f"unit {unit!r:.60} is not known, give one of {', '.join(UNITS)}")
 
 
 def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from packenv.errors import CatalogueError, UnitError
+from packenv.errors import CatalogueError
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
-from packenv.geometry.meshes import UNITS, load_mesh, make_item
+from packenv.geometry.meshes import UNITS, check_unit, load_mesh, make_item
 from packenv.io.assets import assets_dir
 from packenv.io.tables import Row, read_table, read_text
 from packenv.types import Item
@@ -17,8 +17,8 @@ from packenv.types import Item
 BUILTIN = "builtin"
 """Label of the catalogue that RobotPack brings along."""
 
-MEMORY = "memory"
-"""Label of a catalogue whose items are in no folder."""
+MEMORY = "<memory>"
+"""Label of a catalogue whose items are in no folder; no folder is likely to have this name."""
 
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
@@ -133,11 +133,12 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
         CatalogueError: no such folder, no meshes in it, or something wrong in its table.
         UnitError: an unknown unit.
     """
-    if unit is not None and unit not in UNITS:
-        raise UnitError(f"unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    check_unit(unit)
     label = BUILTIN if folder is None else str(folder)
     if label == MEMORY:
-        raise CatalogueError("the meshes were in a script's memory, in no folder: give the catalogue again")
+        raise CatalogueError(
+            f"{label}: its meshes were in a script's memory, in no folder; give their folder"
+        )
     path = assets_dir() / "catalogue" if label == BUILTIN else Path(label)
     if "://" in label:
         raise CatalogueError(f"{label}: is a URL; download the catalogue and give its folder")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from packenv.errors import CatalogueError, MeshError
-from packenv.geometry.meshes import make_item, solid_mesh
+from packenv.geometry.meshes import check_unit, make_item, solid_mesh
 from packenv.geometry.readers.raw import RawMesh, check_counts, check_points
 from packenv.types import Item
 
@@ -44,6 +44,7 @@ def items_of_meshes(source: Any, unit: str | None) -> dict[str, Item]:
     Raises:
         InputError: there is no mesh, or one cannot be used.
     """
+    check_unit(unit)
     if hasattr(source, "geometry") and hasattr(source, "graph"):
         source = _of_scene(source)
     if not isinstance(source, Mapping):

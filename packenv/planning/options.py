@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
@@ -55,7 +55,8 @@ class Rule:
         if self.words:
             return f"one of {', '.join(self.words)}"
         kind = "a whole number" if self.whole else "a number"
-        top = f" to {self.most:g}" if self.most < math.inf else " up"
+        most = f"{int(self.most)}" if self.whole and self.most < math.inf else f"{self.most:g}"
+        top = f" to {most}" if self.most < math.inf else " up"
         return f"{kind} from {self.least:g}{top}" + (", or none" if self.optional else "")
 
     def check(self, name: str, value: object) -> None:
@@ -206,6 +207,13 @@ class PlanOptions:
                     )
                 continue
             rule.check(name, value)
+        if not isinstance(self.grid, GridConfig):
+            raise InputError(f"grid is {self.grid!r:.60}, give a GridConfig")
+        if not isinstance(self.own_constraints, Sequence) or isinstance(self.own_constraints, str):
+            raise InputError(
+                f"own_constraints is {self.own_constraints!r:.60}, give a list of my_module:MyRule"
+            )
+        object.__setattr__(self, "own_constraints", tuple(self.own_constraints))
         for given in self.own_constraints:
             if not _is_constraint(given):
                 raise InputError(
@@ -247,27 +255,27 @@ class PlanOptions:
         Raises:
             InputError: a name is unknown, or a value is wrong.
         """
-        known = option_names()
-        for key in settings:
-            if key not in known:
-                hint = nearest(str(key), known) or f"; the options are {', '.join(known)}"
-                raise InputError(f"{where}: there is no option {str(key)!r:.60}{hint}")
-        values: dict[str, Any] = {key: value for key, value in settings.items() if key not in _GRID}
-        if "own_constraints" in values:
-            given = values["own_constraints"]
-            if not isinstance(given, Sequence) or isinstance(given, str):
-                raise InputError(
-                    f"{where}: own_constraints is {given!r:.60}, give a list of my_module:MyRule"
-                )
-            values["own_constraints"] = tuple(given)
+        _check_names(settings, option_names(), where)
         try:
-            for name, rule in _GRID.items():
-                if name in settings:
-                    rule.check(name, settings[name])
-            grid: dict[str, Any] = {name: settings[name] for name in _GRID if name in settings}
-            return cls(**values, grid=GridConfig(**grid))
+            return cls().changed(settings)
         except InputError as problem:
             raise InputError(f"{where}: {problem}") from None
+
+    def changed(self, words: Mapping[str, Any]) -> PlanOptions:
+        """The same options but for those that are given by name; the grid's four numbers are names, too.
+
+        Raises:
+            InputError: a name is unknown, or a value is wrong.
+        """
+        _check_names(words, (*option_names(), "grid"), "the options")
+        for name, rule in _GRID.items():
+            if name in words:
+                rule.check(name, words[name])
+        cells: dict[str, Any] = {name: words[name] for name in _GRID if name in words}
+        values: dict[str, Any] = {name: value for name, value in words.items() if name not in _GRID}
+        if cells:
+            values["grid"] = replace(values.get("grid", self.grid), **cells)
+        return replace(self, **values)
 
     def to_mapping(self) -> dict[str, object]:
         """The options as JSON has them: :meth:`from_mapping` makes equal ones of it.
@@ -311,6 +319,13 @@ def rules() -> dict[str, Rule]:
 def option_names() -> tuple[str, ...]:
     """Names of all options as a plan file has them."""
     return (*(f.name for f in fields(PlanOptions) if f.name != "grid"), *_GRID)
+
+
+def _check_names(names: Iterable[str], known: Sequence[str], where: str) -> None:
+    for name in names:
+        if name not in known:
+            hint = nearest(name, known) or f"; the options are {', '.join(known)}"
+            raise InputError(f"{where}: there is no option {str(name)!r:.60}{hint}")
 
 
 def heuristic_label(heuristic: str | Heuristic) -> str:
