@@ -15,7 +15,7 @@ from pathlib import Path
 if __package__ in (None, ""):
     sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from builder.shelves import recipes
+from builder.sections import recipes
 from builder.spec import Recipe
 from builder.union import build
 from builder.writers import area_of, csv_bytes, obj_bytes, ply_bytes, row, volume_of, write

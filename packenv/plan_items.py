@@ -9,7 +9,7 @@ from typing import TypeAlias
 from packenv.errors import InputError, PlanError
 from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
 from packenv.io.plans import EnvelopeRecord
-from packenv.io.shelves import ItemShelf
+from packenv.io.shelves import ItemShelf, shelf_in
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import PlanOptions
 from packenv.planning.replay import replay
@@ -17,9 +17,6 @@ from packenv.types import Item, Plan
 
 Items: TypeAlias = Catalogue | ItemShelf | str | Path
 """Where items are from: a catalogue, a shelf that has loaded some of it, a folder, or ``builtin``."""
-
-SHELF_MEMORY = 2**29
-"""Bytes of heightmaps, and of surfaces, that a shelf keeps here: one process, one user."""
 
 
 def catalogue_of(catalogue: Items) -> Catalogue:
@@ -54,9 +51,7 @@ def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:
     """
     if isinstance(catalogue, ItemShelf):
         return catalogue.like(options.grid, options.shape)
-    opened = catalogue_of(catalogue)
-    memory = SHELF_MEMORY
-    return ItemShelf(opened, options.grid, options.shape, field_memory=memory, map_memory=memory)
+    return shelf_in(catalogue_of(catalogue), options.grid, options.shape)
 
 
 def shelf_of(

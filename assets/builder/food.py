@@ -18,10 +18,10 @@ from .solids import (
     slab,
     sweep,
 )
-from .spec import YCB, Shelf
+from .spec import YCB, Section
 
-PACKAGES = Shelf("package")
-FRUIT = Shelf("fruit")
+PACKAGES = Section("package")
+FRUIT = Section("fruit")
 
 
 def can(diameter: float, height: float, bead: float = 3.0, n: int = 88) -> Parts:

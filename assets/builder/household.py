@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from .solids import Parts, Profile, box, joined, lathe, oval, placed, rounded_box, shell, sweep, tube
-from .spec import YCB, Shelf
+from .spec import YCB, Section
 from .tools import along_x
 
-HOUSE = Shelf("household")
+HOUSE = Section("household")
 
 
 @HOUSE.item("large_marker", f"{YCB}: 040 large marker, 18 x 121 mm, 15.8 g", kg=0.0158)

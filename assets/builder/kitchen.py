@@ -24,9 +24,9 @@ from .solids import (
     stroke,
     sweep,
 )
-from .spec import YCB, Shelf
+from .spec import YCB, Section
 
-KITCHEN = Shelf("kitchen")
+KITCHEN = Section("kitchen")
 POLYPROPYLENE = "polypropylene at 905 kg/m3"
 
 

@@ -47,11 +47,11 @@ class Recipe:
     parts: Callable[[], Parts]
 
 
-class Shelf:
+class Section:
     """The recipes of one module, in the order in which they are written down."""
 
     def __init__(self, category: str) -> None:
-        """Start an empty shelf for one category."""
+        """Start an empty section for one category."""
         self.category = category
         self.recipes: list[Recipe] = []
 

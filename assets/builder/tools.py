@@ -18,9 +18,9 @@ from .solids import (
     sweep,
     tube,
 )
-from .spec import YCB, Shelf
+from .spec import YCB, Section
 
-TOOLS = Shelf("tool")
+TOOLS = Section("tool")
 STEEL = "steel at 7850 kg/m3"
 
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from .solids import Parts, box, geodesic, lathe, placed, rounded_box, shell, slab, sweep
-from .spec import YCB, Shelf
+from .spec import YCB, Section
 from .tools import along_x
 
-TOYS = Shelf("toy")
+TOYS = Section("toy")
 
 
 def ball(diameter: float) -> Callable[[], Parts]:

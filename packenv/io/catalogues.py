@@ -59,6 +59,7 @@ class Catalogue:
         self.label = label
         self.folder = folder
         self.entries = entries
+        self.shelves: dict[object, object] = {}
         self._items: dict[str, Item] = {}
 
     @classmethod

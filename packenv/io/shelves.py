@@ -75,6 +75,19 @@ class _Recent(Generic[T]):
             self._bytes -= self._kept.pop(name)[1]
 
 
+ONE_USER = 2**29
+"""Bytes of surface fields, and of heightmaps, that the shelf of one user's process keeps."""
+
+
+def shelf_in(catalogue: Catalogue, grid: GridConfig, geometry: Geometry) -> ItemShelf:
+    """The shelf that a catalogue keeps for a discretization and a geometry: what was loaded once, stays."""
+    known = catalogue.shelves.get((grid, geometry))
+    if not isinstance(known, ItemShelf):
+        known = ItemShelf(catalogue, grid, geometry, field_memory=ONE_USER, map_memory=ONE_USER)
+        catalogue.shelves[grid, geometry] = known
+    return known
+
+
 class ItemShelf:
     """The items of a catalogue, and for a while those that an order brings along.
 

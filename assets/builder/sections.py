@@ -17,8 +17,8 @@ def recipes() -> dict[str, Recipe]:
         ValueError: two items have one name.
     """
     found: dict[str, Recipe] = {}
-    for shelf in (PACKAGES, FRUIT, KITCHEN, TOOLS, HOUSE, TOYS):
-        for recipe in shelf.recipes:
+    for section in (PACKAGES, FRUIT, KITCHEN, TOOLS, HOUSE, TOYS):
+        for recipe in section.recipes:
             if recipe.name in found:
                 raise ValueError(f"two items are called {recipe.name}")
             found[recipe.name] = recipe
