@@ -59,11 +59,11 @@ class Rules:
     def groups(self, name: str, container: Container) -> Iterator[Sequence[OrientedItem]]:
         """Orientations of an item that is back: the stable poses, then perturbed ones (Alg. 4).
 
-        Under legality alone the stable poses are all, as in the planner: heights only grow, so what fitted
-        nowhere fits nowhere later.
+        Under legality alone, without own constraints, the stable poses are all, as in the planner: heights
+        only grow, so what fitted nowhere fits nowhere later.
         """
         item = self.shelf.prepared[name]
-        if self.config.mask == "legal":
+        if self.config.mask == "legal" and not self.config.own_constraints:
             return iter((item.orientations,))
         shape, grid = self.shelf.shapes[name], self.config.grid
         return perturbations(shape, item.poses, grid, container.size, self._maps)
@@ -171,6 +171,8 @@ class Episode:
     def close(self) -> None:
         """Free what the container holds."""
         self.arrangement.close()
+        for constraint in self.constraints:
+            constraint.close()
 
     def leftovers(self) -> tuple[Leftover, ...]:
         """The pieces that were left over."""

@@ -85,7 +85,8 @@ def test_the_environment_holds_the_planner(mask: str, size: tuple[float, float, 
 
 
 def test_perturbed_orientations_come_as_in_the_planner() -> None:
-    assert compare("stable", (0.15, 0.15, 0.1), 5, seed=2, most=8) == {"first-pass", "later", "5d"}
+    routes = [compare("stable", (0.15, 0.15, 0.1), 5, seed=seed, most=8) for seed in (3, 4)]
+    assert set.union(*routes) == {"first-pass", "later", "5d"}
 
 
 @pytest.mark.slow

@@ -113,7 +113,8 @@ class Constraint(ABC):
         """The constraint for one order: asked once before it is planned.
 
         Args:
-            items: every item of the order by name, as the geometry that is planned with.
+            items: the items by name, as the geometry that is planned with: at least those of the order, mostly
+                the whole catalogue. Each is loaded when it is asked for.
             container: the box.
         """
         return self

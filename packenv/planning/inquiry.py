@@ -87,23 +87,25 @@ class Inquiry:
         self.rejections = Counter(rejections or {})
         self.asked = 0
         self._memory = memory
-        self._known: dict[Constraint, dict[Question, Verdict]] = {}
+        # By identity: an own constraint may be a dataclass, which has no hash.
+        self._known: dict[int, tuple[Constraint, dict[Question, Verdict]]] = {}
         self._answers: dict[Question, Answer] = {}
-        self._objected: dict[OrientedItem, bool] = {}
+        self._objected: dict[bytes, bool] = {}
 
     def objected(self, oriented: OrientedItem) -> bool:
         """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""
-        known = self._objected.get(oriented)
+        turn = oriented.rotation.tobytes()
+        known = self._objected.get(turn)
         if known is None:
             reason = objection(self.constraints, oriented)
             if reason is not None:
                 self.rejections[f"{ORIENTATION}{reason}"] += 1
-            known = self._objected[oriented] = reason is not None
+            known = self._objected[turn] = reason is not None
         return known
 
     def was_objected(self, oriented: OrientedItem) -> bool:
         """Whether an orientation was asked about and ruled out."""
-        return self._objected.get(oriented, False)
+        return self._objected.get(oriented.rotation.tobytes(), False)
 
     def possible(self, orientations: Iterable[OrientedItem]) -> list[OrientedItem]:
         """The orientations that no constraint rules out wherever the item would lie."""
@@ -140,8 +142,9 @@ class Inquiry:
 
     def refused(self, rules: Sequence[Constraint]) -> Iterator[Question]:
         """The candidates that one of these has refused."""
-        for rule in dict.fromkeys(rules):
-            yield from (asked for asked, verdict in self._known.get(rule, {}).items() if not verdict.ok)
+        for rule in dict.fromkeys(map(id, rules)):
+            known = self._known[rule][1] if rule in self._known else {}
+            yield from (asked for asked, verdict in known.items() if not verdict.ok)
 
     def _remembered(self, trial: Trial) -> Answer:
         if self._memory is None:
@@ -159,7 +162,7 @@ class Inquiry:
         asked = question(trial.oriented, trial.ix, trial.iy)
         verdicts: list[Verdict] = []
         for rule, state in zip(rules, self.pile.states, strict=True):
-            known = self._known.setdefault(rule, {})
+            _, known = self._known.setdefault(id(rule), (rule, {}))
             verdict = known.get(asked)
             if verdict is None:
                 verdict = known[asked] = rule.check(trial, self.pile.surface, state)

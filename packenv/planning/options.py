@@ -118,7 +118,8 @@ class PlanOptions:
         rehearse: in how many worlds the plan is carried out before it is given out
             (:mod:`packenv.rehearsal`).
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
-            None takes ``parts`` where physics is asked, see :attr:`shape`.
+            None takes ``parts`` where physics is asked, else ``mesh``; either is None where it is that, too,
+            see :attr:`shape`.
         seed: for heuristics that draw.
         grid: the discretization.
     """
@@ -127,7 +128,10 @@ class PlanOptions:
         default="hm", metadata={"rule": Rule("how candidates are ranked", get_args(HeuristicName))}
     )
     tie_break: float | None = _number(
-        None, "c of hm and dblf: weight of X + Y; none: what measured best, the paper: 1", optional=True
+        None,
+        "c of hm and dblf: weight of X + Y; none: what measured best, the paper: 1",
+        most=1e6,
+        optional=True,
     )
     constraints: Constraints = _words(
         Constraints,
@@ -211,7 +215,7 @@ class PlanOptions:
             raise InputError(f"grid is {self.grid!r:.60}, give a GridConfig")
         if not isinstance(self.own_constraints, Sequence) or isinstance(self.own_constraints, str):
             raise InputError(
-                f"own_constraints is {self.own_constraints!r:.60}, give a list of my_module:MyRule"
+                f"own_constraints is {self.own_constraints!r:.60}, give a list such as ['my_module:MyRule']"
             )
         object.__setattr__(self, "own_constraints", tuple(self.own_constraints))
         for given in self.own_constraints:
@@ -228,6 +232,8 @@ class PlanOptions:
         if self.asks_physics and self.geometry == "mesh":
             asks = "stability physics" if self.stability == "physics" else f"rehearse {self.rehearse}"
             raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")
+        if self.geometry == ("parts" if self.asks_physics else "mesh"):
+            object.__setattr__(self, "geometry", None)
 
     @property
     def asks_physics(self) -> bool:
@@ -284,6 +290,8 @@ class PlanOptions:
         """
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "grid"}
         values["heuristic"] = heuristic_label(self.heuristic)
+        if not isinstance(self.heuristic, str) and values["heuristic"] in get_args(HeuristicName):
+            values["tie_break"] = getattr(self.heuristic, "c", None)
         values["own_constraints"] = [constraint_label(given) for given in self.own_constraints]
         values["geometry"] = self.shape
         return {**values, **{name: getattr(self.grid, name) for name in _GRID}}
@@ -302,7 +310,6 @@ PAPER: Mapping[str, Any] = {
     "max_checked": 100,
     "clearance": 0.0,
     "rehearse": 0,
-    "geometry": "mesh",
     "grid": GridConfig(cell_size=0.002, grid_step=0.01, n_poses=4, n_yaws=4),
 }
 """The paper's choices, where it made one."""
@@ -339,7 +346,7 @@ def heuristic_label(heuristic: str | Heuristic) -> str:
 
 
 def constraint_label(constraint: str | Constraint) -> str:
-    """The name of an own constraint in files and messages: that of its class, if it is made without arguments."""
+    """The name of an own constraint in files and messages: the one that it was given by, if any."""
     return constraint if isinstance(constraint, str) else OWN
 
 

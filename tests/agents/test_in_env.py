@@ -113,6 +113,7 @@ def compare(
 
 
 FLAT, TALL = Container(0.24, 0.24, 0.14), Container(0.24, 0.24, 0.2)
+NARROW = Container(0.2, 0.2, 0.14)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +123,7 @@ FLAT, TALL = Container(0.24, 0.24, 0.14), Container(0.24, 0.24, 0.2)
         ("overlap", "mta", FLAT, 100, {"left-over"}),
         ("stability", "mta", FLAT, 2, {"5d", "left-over"}),
         ("robot", "hm", FLAT, 5, {"5d", "left-over"}),
-        ("robot", "dblf", FLAT, 1, {"later", "5d", "left-over", "deferred"}),
+        ("robot", "dblf", NARROW, 2, {"later", "5d", "left-over", "deferred"}),
         ("robot", "minz", TALL, 2, {"later", "5d"}),
     ],
 )
