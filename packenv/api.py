@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.audit import AuditReport, audit_plan, misstated_boxes
 from packenv.errors import InputError, OrderError, PlanError
+from packenv.extensions import is_extension
 from packenv.io.catalogues import MEMORY, Catalogue, closest_match, open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.memory import items_of_meshes
@@ -32,7 +33,7 @@ from packenv.io.shelves import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting, measured_map
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import OWN, PlanOptions
 from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
 from packenv.planning.replay import replay
@@ -171,7 +172,7 @@ def rehearse(
     Raises:
         InputError: the plan, the options or a mesh is wrong.
     """
-    chosen = options or options_of(plan)
+    chosen = options_again(plan, options)
     if not chosen.rehearse or options_of(plan).shape != "parts":
         raise InputError("rehearse: give options with rehearse of at least 1, and a plan of geometry parts")
     shelf = shelf_of(plan, catalogue, options=chosen)
@@ -208,7 +209,7 @@ def plan_rest(
     """
     if len(measured) > len(plan.placements):
         raise InputError(f"{len(measured)} measured poses, but the plan places {len(plan.placements)} items")
-    chosen = options or options_of(plan)
+    chosen = options_again(plan, options)
     shelf = shelf_of(plan, catalogue, options=chosen)
     done = plan.placements[: len(measured)]
     names = [p.item for p in plan.placements[len(measured) :]] + [left.item for left in plan.leftovers]
@@ -313,6 +314,35 @@ def options_of(plan: Plan) -> PlanOptions:
         raise
     except InputError as problem:
         raise PlanError(str(problem)) from None
+
+
+def options_again(
+    plan: Plan, options: PlanOptions | None = None, given: Mapping[str, Any] | None = None
+) -> PlanOptions:
+    """How to plan again: as the caller says, else as the plan was made, unless that names own code.
+
+    Args:
+        plan: the plan.
+        options: how to plan; None takes those of the plan.
+        given: some of them by name, in place of the plan's.
+
+    Raises:
+        PlanError: the plan's settings are not options, or they name own code in place of which none is given:
+            a file may not say which code is run.
+    """
+    given = given or {}
+    if options is not None:
+        return options.changed(given)
+    chosen = options_of(plan)
+    heuristics = () if "heuristic" in given else (chosen.heuristic,)
+    constraints = () if "own_constraints" in given else chosen.own_constraints
+    for name in map(str, (*heuristics, *constraints)):
+        if is_extension(name) or name == OWN:
+            raise PlanError(
+                f"{plan.label}: was planned with own code ({name}), which a file may not call; to plan again "
+                "with it, give it again: --heuristic or --constraint, options= in a script"
+            )
+    return chosen.changed(given)
 
 
 def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:
