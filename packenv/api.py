@@ -27,7 +27,15 @@ from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import read_plan, write_plan
 from packenv.io.shelves import ItemShelf
-from packenv.plan_items import Items, catalogue_of, options_of, renumbered, shelf_for, shelf_of
+from packenv.plan_items import (
+    Items,
+    catalogue_of,
+    options_again,
+    options_of,
+    renumbered,
+    shelf_for,
+    shelf_of,
+)
 from packenv.planning.measured import Resting
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
@@ -188,7 +196,7 @@ def rehearse(
     Raises:
         InputError: the plan, the options or a mesh is wrong.
     """
-    chosen = options or options_of(plan)
+    chosen = options_again(plan, options)
     if not chosen.rehearse or options_of(plan).shape != "parts":
         raise InputError("rehearse: give options with rehearse of at least 1, and a plan of geometry parts")
     shelf = shelf_of(plan, catalogue, options=chosen)
@@ -225,7 +233,7 @@ def plan_rest(
     """
     if len(measured) > len(plan.placements):
         raise InputError(f"{len(measured)} measured poses, but the plan places {len(plan.placements)} items")
-    chosen = options or options_of(plan)
+    chosen = options_again(plan, options)
     shelf = shelf_of(plan, catalogue, options=chosen)
     done = plan.placements[: len(measured)]
     names = [p.item for p in plan.placements[len(measured) :]] + [left.item for left in plan.leftovers]

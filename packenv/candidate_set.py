@@ -11,15 +11,12 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Inquiry, Memory
 from packenv.planning.packing import Pile
-from packenv.planning.scores import Heuristic
+from packenv.planning.scores import Heuristic, scores_of
 from packenv.planning.turns import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
 _TILES = 4
 """The spread takes the best candidate of each of so many by so many tiles of the floor, by orientation."""
-
-_NO_DRAW = np.random.default_rng(0)
-"""Heuristics take a generator; those of the columns draw nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +61,7 @@ def choose(
         orientations: of the item.
         constraints: what a valid candidate must pass.
         pile: what the container holds.
-        heuristics: none of them draws.
+        heuristics: those of the columns; one that draws draws the same every time.
         step: cells between tried translations.
         size: K.
         max_checked: the paper's N.
@@ -80,7 +77,9 @@ def choose(
     candidates = grid_search(pile.surface, allowed, step)
     if not len(candidates):
         return None
-    scores = np.column_stack([heuristic(candidates, _NO_DRAW) for heuristic in heuristics])
+    # A generator that is always the same: an own heuristic that draws must not differ from copy to copy.
+    found = (scores_of(heuristic, candidates, np.random.default_rng(0)) for heuristic in heuristics)
+    scores = np.column_stack(tuple(found))
 
     def passes(index: int) -> bool:
         return inquiry.ask(candidates.trial(index)).ok

@@ -12,8 +12,8 @@ from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
 from packenv.io.shelves import ItemShelf
-from packenv.plan_items import Items, options_of, renumbered, shelf_of, surfaces_of
-from packenv.planning.options import OWN, PlanOptions
+from packenv.plan_items import Items, options_again, options_of, renumbered, shelf_of, surfaces_of
+from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning_job import PlanningJob
 from packenv.rehearsal import Rehearsal
@@ -130,9 +130,7 @@ def execute(
     if len(placed) > len(plan.placements):
         raise InputError(f"{len(placed)} placed poses, but the plan places {len(plan.placements)} items")
     made = options_of(plan)
-    chosen = options or made
-    if closed_loop and options is None:
-        _refuse_own_code(plan, made)
+    chosen = options_again(plan, options) if closed_loop else made
     shelf = shelf_of(
         plan, catalogue, unit=unit, options=replace(made, grid=chosen.grid), leftovers=closed_loop
     )
@@ -228,17 +226,6 @@ def _task(plan: Plan, index: int, shelf: ItemShelf) -> PlacementTask:
         return task_of(placement, shelf.physics[placement.item], plan.container)
     except PlanError as problem:
         raise PlanError(f"{plan.label}: {problem}") from None
-
-
-def _refuse_own_code(plan: Plan, options: PlanOptions) -> None:
-    """A file may not say which code is run."""
-    named = [options.heuristic, *options.own_constraints]
-    for name in (str(name) for name in named):
-        if ":" in name or name == OWN:
-            raise PlanError(
-                f"{plan.label}: was planned with own code ({name}), which a file may not call; to plan again "
-                "with it, give it again: --heuristic or --constraint, options= in a script"
-            )
 
 
 def _remark_bulges(plan: Plan, parts: Mapping[str, ConvexParts], watcher: Watcher) -> None:

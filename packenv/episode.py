@@ -218,6 +218,12 @@ class Episode:
         extents = prepared.orientations[0].extents
         return ItemView(extents, item.volume, item.mass, self.turns.was_deferred(piece))
 
+    def _memory(self) -> Memory | None:
+        """What other orders asked of the empty container; own constraints may answer each order otherwise."""
+        if self.placements or self.config.own_constraints:
+            return None
+        return self.rules.memory(self.container)
+
     def _after_deferring(self) -> None:
         if self.turns.left_over and self.config.on_infeasible == "terminate":
             self.turns.abandon()
@@ -238,7 +244,7 @@ class Episode:
                     step=self.config.grid.step_cells,
                     size=self.config.candidates,
                     max_checked=self.config.max_checked,
-                    memory=None if self.placements else self.rules.memory(self.container),
+                    memory=self._memory(),
                 )
                 if offered is not None and offered.valid.any():
                     self.offered = offered

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from packenv.errors import InputError, PlanError
+from packenv.extensions import is_extension
 from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
 from packenv.io.plans import EnvelopeRecord
 from packenv.io.shelves import ItemShelf, shelf_in
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import OWN, PlanOptions
 from packenv.planning.replay import replay
 from packenv.types import Item, Plan
 
@@ -41,6 +43,35 @@ def options_of(plan: Plan) -> PlanOptions:
         raise
     except InputError as problem:
         raise PlanError(str(problem)) from None
+
+
+def options_again(
+    plan: Plan, options: PlanOptions | None = None, given: Mapping[str, Any] | None = None
+) -> PlanOptions:
+    """How to plan again: as the caller says, else as the plan was made, unless that names own code.
+
+    Args:
+        plan: the plan.
+        options: how to plan; None takes those of the plan.
+        given: some of them by name, in place of the plan's.
+
+    Raises:
+        PlanError: the plan's settings are not options, or they name own code in place of which none is given:
+            a file may not say which code is run.
+    """
+    given = given or {}
+    if options is not None:
+        return options.changed(given)
+    chosen = options_of(plan)
+    heuristics = () if "heuristic" in given else (chosen.heuristic,)
+    constraints = () if "own_constraints" in given else chosen.own_constraints
+    for name in map(str, (*heuristics, *constraints)):
+        if is_extension(name) or name == OWN:
+            raise PlanError(
+                f"{plan.label}: was planned with own code ({name}), which a file may not call; to plan again "
+                "with it, give it again: --heuristic or --constraint, options= in a script"
+            )
+    return chosen.changed(given)
 
 
 def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:

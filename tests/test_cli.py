@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from packenv.cli import HEURISTIC_NAMES, main
+from packenv.cli import main
+from packenv.planning.options import rules
 from packenv.planning.scores import HEURISTICS
 from tests.conftest import REPO
 from tests.shapes import cup
 
 SIZE = "0.2x0.2x0.15"
+HEURISTIC_NAMES = rules()["heuristic"].words
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +87,11 @@ def test_every_heuristic_gives_a_plan_that_passes_the_audit(
     assert main(["verify", str(plan)]) == 0
 
 
-def test_the_parser_offers_every_heuristic() -> None:
+def test_the_parser_offers_every_heuristic(capsys: pytest.CaptureFixture[str]) -> None:
     assert set(HEURISTIC_NAMES) == set(HEURISTICS)
+    with pytest.raises(SystemExit):
+        main(["pack", "--help"])
+    assert f"{{{','.join(HEURISTIC_NAMES)}}}|MODULE:NAME" in capsys.readouterr().out
 
 
 def test_verify_finds_a_tampered_plan(

@@ -258,7 +258,11 @@ def bent_path(plan: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     ("edit", "word"),
-    [(no_steps, "places no item"), (short_path, "tells no path"), (bent_path, "do not lie on one branch")],
+    [
+        (no_steps, "places no item"),
+        (short_path, "a path of three or more waypoints"),
+        (bent_path, "do not lie on one branch"),
+    ],
     ids=["empty", "short", "bent"],
 )
 def test_a_plan_that_cannot_be_carried_out_is_refused(

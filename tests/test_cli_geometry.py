@@ -12,10 +12,12 @@ import pytest
 import trimesh
 
 from packenv.cli import main
-from packenv.commands import planning_again
+from packenv.config import GridConfig
+from packenv.geometry.prepare import PreparedItem
 from packenv.io.catalogues import open_catalogue
 from packenv.io.item_cache import ItemCache
 from packenv.io.plans import plan_to_json, read_plan
+from packenv.types import Item
 
 SIZE = "0.2x0.2x0.12"
 CLEARANCE = 0.004
@@ -267,7 +269,8 @@ def test_a_rehearsed_plan_tells_how_it_went(
     plan = json.loads(path.read_text())
     assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (2, "parts")
     told = {name: value for name, value in plan["metrics"].items() if name.startswith("rehearsal")}
-    assert plan["settings"]["rehearsed_plan"] == "first"
+    assert plan["made_by"] == "first"
+    assert "rehearsed_plan" not in plan["settings"]
     assert told == {"rehearsal_worlds": 2, "rehearsal_survived": 2, "rehearsal_plans": 1}
     assert main(["execute", str(path), "--catalogue", str(shelf)]) == 0
 
@@ -296,13 +299,13 @@ def test_clearance_keeps_boxes_apart(shelf: Path, tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--clearance=-0.001"], ["--clearance", "-0.001", "0.05"]),
-        (["--clearance", "0.06"], ["--clearance", "0.06", "0.05"]),
-        (["--clearance", "nan"], ["--clearance", "nan"]),
-        (["--stability", "physics", "--constraints", "overlap"], ["--stability physics", "robot"]),
-        (["--rehearse", "101"], ["--rehearse 101", "100"]),
-        (["--rehearse", "2", "--geometry", "mesh"], ["--rehearse 2", "--geometry mesh"]),
-        (["--stability", "physics", "--geometry", "mesh"], ["--stability physics", "--geometry mesh"]),
+        (["--clearance=-0.001"], ["clearance", "-0.001", "0.05"]),
+        (["--clearance", "0.06"], ["clearance", "0.06", "0.05"]),
+        (["--clearance", "nan"], ["clearance", "nan", "0.05"]),
+        (["--stability", "physics", "--constraints", "overlap"], ["stability physics", "overlap", "robot"]),
+        (["--rehearse", "101"], ["rehearse", "101", "100"]),
+        (["--rehearse", "2", "--geometry", "mesh"], ["rehearse 2", "geometry mesh"]),
+        (["--stability", "physics", "--geometry", "mesh"], ["stability physics", "geometry mesh"]),
     ],
 )
 def test_options_that_cannot_be_are_one_line(
@@ -333,15 +336,16 @@ def test_a_closed_loop_plans_on_the_geometry_of_the_plan(
     mesh_plan: Path, parts_plan: Path, physics_plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned_on: dict[str, str] = {}
-    prepare = planning_again.prepare_items
+    prepare = ItemCache.prepare
 
-    def seen(items: Any, grid: Any) -> Any:
-        planned_on.update({name: item.sha256 for name, item in items.items()})
-        return prepare(items, grid)
+    def seen(self: ItemCache, item: Item, grid: GridConfig) -> PreparedItem:
+        planned_on[item.name] = item.sha256
+        return prepare(self, item, grid)
 
-    monkeypatch.setattr(planning_again, "prepare_items", seen)
+    monkeypatch.setattr(ItemCache, "prepare", seen)
     envelope = "envelope_sha256"
     for path, key in ((mesh_plan, "sha256"), (parts_plan, envelope), (physics_plan, envelope)):
+        planned_on.clear()
         assert main(["execute", str(path), "--closed-loop"]) == 0
         meshes = json.loads(path.read_text())["meshes"]
         assert planned_on == {name: mesh[key] for name, mesh in meshes.items()}

@@ -306,7 +306,7 @@ def test_a_plan_of_an_episode_is_one_that_can_be_read_again(tmp_path: Path) -> N
         ({"config": {"maks": "legal"}}, "did you mean 'mask'"),
         ({"config": {"mask": "easy"}}, "mask is 'easy'"),
         ({"config": {"candidates": 0}}, "candidates is 0"),
-        ({"config": {"grid": {"n_poses": 1.5}}}, "grid.n_poses"),
+        ({"config": {"grid": {"n_poses": 1.5}}}, "grid: n_poses is 1.5, give a whole number"),
         ({"config": {"containers": [[0.3, 0.3]]}}, "containers has"),
         ({"config": {"containers": [[0.3, 0.3, 9.0]]}}, "out of range"),
         ({"config": {"catalogue": "/no/such/folder"}}, "no such folder"),

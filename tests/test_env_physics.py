@@ -31,7 +31,8 @@ def test_the_heightmap_is_that_of_the_measured_poses(mask: str) -> None:
     poses = episode.arrangement.poses
     assert len(poses) == len(episode.placements) == 3
     resting = [
-        Resting(episode.shelf.shape(p.item), *pose) for p, pose in zip(episode.placements, poses, strict=True)
+        Resting(episode.shelf.shapes[p.item], *pose)
+        for p, pose in zip(episode.placements, poses, strict=True)
     ]
     known = measured_map(episode.container, 0.004, resting)
     np.testing.assert_array_equal(episode.arrangement.pile.surface.heights, known.heights)
@@ -59,7 +60,7 @@ def test_the_robot_is_in_the_world_where_the_mask_asks_it(robot: bool) -> None:
     play(env, 1)
     session = env._episode.arrangement.session  # type: ignore[union-attr]
     assert (session._robot is not None) is robot
-    assert ("manipulation" in env.plan().placements[0].details) is robot
+    assert (env.plan().placements[0].path is not None) is robot
     env.close()
 
 
@@ -85,7 +86,7 @@ def test_what_sticks_out_counts_no_more_and_the_episode_goes_on(monkeypatch: pyt
     first = env.plan().placements[0].item
     assert info["outside"] == [first]
     assert info["packed_items"] == 1
-    share = env._shelf.item(first).volume / env._episode.container.volume  # type: ignore[union-attr]
+    share = env._shelf.items[first].volume / env._episode.container.volume  # type: ignore[union-attr]
     assert info["reward_outside"] == pytest.approx(-(1 / 6 + share))
 
 
@@ -105,7 +106,7 @@ def test_an_item_hung_over_the_rim_is_outside_and_one_beside_is_lost() -> None:
     play(env, 1)
     arrangement = env._episode.arrangement  # type: ignore[union-attr]
     name = env.plan().placements[0].item
-    shape = env._shelf.shape(name)
+    shape = env._shelf.shapes[name]
     inside = -shape.vertices.min(axis=0) + 0.001
     cases = ((0.0, False, False), (-0.01, True, False), (-1.0, True, True))
     for shift, over, lost in cases:

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from packenv import api
@@ -17,7 +16,7 @@ from packenv.commands.output import Terminal, say, say_json
 from packenv.errors import InputError
 from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs
-from packenv.plan_items import options_of
+from packenv.plan_items import options_again
 from packenv.planning.options import PlanOptions
 from packenv.showing import show
 from packenv.types import Plan
@@ -25,6 +24,9 @@ from packenv.types import Plan
 if TYPE_CHECKING:
     from packenv.carrying_out import ExecutedPlan
     from packenv.sim.world import World
+
+_RULES = {"heuristic": "--heuristic", "own_constraints": "--constraint"}
+"""Options of planning again, and their flags."""
 
 _LATE = 0.1
 """How much time a window may make up by showing things faster than they are, s."""
@@ -40,6 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:
         raise InputError(f"--seed {arguments.seed}: is of the disturbances, give --disturb as well")
+    for name, flag in _RULES.items():
+        if getattr(arguments, name) is not None and not arguments.closed_loop:
+            raise InputError(f"{flag}: is for planning again, give --closed-loop as well")
     plan = api.load_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
     executed = _executed(plan, arguments)
     document = executed.to_json()
@@ -79,13 +84,9 @@ def _executed(plan: Plan, arguments: argparse.Namespace) -> ExecutedPlan:
 
 
 def _own_code(plan: Plan, arguments: argparse.Namespace) -> PlanOptions | None:
-    """The plan's options with the own code that the user names; None where none is named."""
-    if arguments.heuristic is None and arguments.own_constraints is None:
-        return None
-    options = options_of(plan)
-    given = {f.name: getattr(arguments, f.name) for f in fields(options) if hasattr(arguments, f.name)}
-    named = {name: value for name, value in given.items() if value is not None}
-    return replace(options, **named)
+    """The plan's options with the rules that the user names; None where none is named."""
+    given = {name: getattr(arguments, name) for name in _RULES if getattr(arguments, name) is not None}
+    return options_again(plan, given=given) if given else None
 
 
 def _at_real_speed() -> Callable[[World], None]:

@@ -169,16 +169,23 @@ def test_a_frame_shows_the_items_that_are_there_and_the_robot_where_there_is_one
 def test_a_gif_holds_every_frame(tmp_path: Path) -> None:
     path = tmp_path / "e.gif"
     frames = [frame(k) for k in (0, 1, 2)]
-    write_gif(path, PLAN, ITEMS, stopped(), frames)
+    write_gif(path, PLAN, ITEMS, frames, "collision: cup met crate")
     with Image.open(path) as picture:
         assert (picture.format, picture.size, picture.n_frames) == ("GIF", SIZE, 3)
         picture.seek(2)
         assert picture.info["duration"] > 1000
+        told = np.asarray(picture.convert("RGB"))
     before = path.read_bytes()
-    write_gif(path, PLAN, ITEMS, stopped(), frames)
+    write_gif(path, PLAN, ITEMS, frames, "collision: cup met crate")
     assert path.read_bytes() == before
+    write_gif(path, PLAN, ITEMS, frames)
+    with Image.open(path) as picture:
+        picture.seek(2)
+        differs = (np.asarray(picture.convert("RGB")) != told).any(axis=2)
+    assert differs[-40:].any()
+    assert not differs[:-40].any()
     with pytest.raises(InputError, match="missing"):
-        write_gif(tmp_path / "missing" / "e.gif", PLAN, ITEMS, stopped(), frames[:1])
+        write_gif(tmp_path / "missing" / "e.gif", PLAN, ITEMS, frames[:1])
 
 
 def test_the_robot_is_drawn_as_it_is_checked() -> None:
