@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -52,10 +52,15 @@ def random_action(mask: np.ndarray, rng: np.random.Generator) -> int:
     return int(rng.choice(valid))
 
 
-def best_action(obs: dict[str, np.ndarray], heuristic: str = "hm", below: float = np.inf) -> int:
+def best_action(
+    obs: dict[str, np.ndarray],
+    heuristic: str = "hm",
+    below: float = np.inf,
+    features: Sequence[str] = FEATURES,
+) -> int:
     """What the planner does: the valid candidate of the smallest rank if among the first, else defer."""
     mask = obs["action_mask"]
-    ranks = np.where(mask[:-1] == 1, obs["candidates"][:, FEATURES.index(f"rank_{heuristic}")], np.inf)
+    ranks = np.where(mask[:-1] == 1, obs["candidates"][:, features.index(f"rank_{heuristic}")], np.inf)
     return int(ranks.argmin()) if ranks.min() < below else len(ranks)
 
 

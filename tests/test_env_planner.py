@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,22 +14,32 @@ from packenv.io.catalogues import open_catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
+from packenv.planning.constraints import Constraint
 from packenv.planning.options import Constraints, PlanOptions
 from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
 from packenv.types import Container, Placement
 from tests.env_samples import COARSE, ITEMS, best_action
+from tests.planning.own_rules import Apart
 
 GRID = GridConfig(**COARSE)
 WORDS: dict[str, Constraints] = {"legal": "overlap", "stable": "stability", "robot": "robot"}
 MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duck", "pudding_box", "spoon")
 
 
-def planned(order: list[str], heuristic: str, mask: str, size: Any, most: int) -> Packing:
+def planned(
+    order: list[str], heuristic: str, mask: str, size: Any, most: int, own: Sequence[str | Constraint] = ()
+) -> Packing:
     shelf = ItemShelf(open_catalogue("builtin"), GRID)
     box = Container(*size)
     options = PlanOptions(
-        heuristic, constraints=WORDS[mask], restarts=0, stability="paper", max_checked=most, grid=GRID
+        heuristic,
+        constraints=WORDS[mask],
+        own_constraints=own,
+        restarts=0,
+        stability="paper",
+        max_checked=most,
+        grid=GRID,
     )
     return assemble(options, shelf, box).pack(by_box_volume(order, shelf.prepared), shelf.prepared, box)
 
@@ -43,31 +54,57 @@ def told(placement: Placement) -> tuple[Any, ...]:
     )
 
 
-def compare(mask: str, size: tuple[float, float, float], orders: int, seed: int, most: int = 12) -> set[str]:
-    """Place orders by either; returns the routes that were used."""
+def compare(
+    mask: str,
+    size: tuple[float, float, float],
+    orders: int,
+    seed: int,
+    most: int = 12,
+    heuristics: Sequence[str] = HEURISTIC_COLUMNS,
+    own: Sequence[str | Constraint] = (),
+) -> set[str]:
+    """Place orders by either; returns the routes that were used.
+
+    Args:
+        mask: of the environment.
+        size: of the container.
+        orders: how many.
+        seed: of the orders.
+        most: N.
+        heuristics: that take turns; what is no column is given to the environment.
+        own: constraints of the user's own.
+    """
     settings = {
         "mask": mask,
         "containers": [size],
         "grid": COARSE,
         "max_checked": most,
         "candidates": 16,
+        "heuristics": [name for name in heuristics if name not in HEURISTIC_COLUMNS],
+        "own_constraints": list(own),
     }
     env = PackEnv(settings)
     rng = np.random.default_rng(seed)
     routes = set()
     for k in range(orders):
-        heuristic = HEURISTIC_COLUMNS[k % len(HEURISTIC_COLUMNS)]
+        heuristic = heuristics[k % len(heuristics)]
         order = [str(name) for name in rng.choice(MORE, 7)]
         obs, _ = env.reset(options={"order": order})
         ended = False
         while not ended:
-            obs, _, ended, _, _ = env.step(best_action(obs, heuristic, below=most))
-        packing = planned(order, heuristic, mask, size, most)
+            obs, _, ended, _, _ = env.step(
+                best_action(obs, heuristic, most, env.unwrapped._observer.features)
+            )
+        packing = planned(order, heuristic, mask, size, most, own)
         ours = env.plan()
         assert [told(p) for p in ours.placements] == [told(p) for p in packing.placements], (k, heuristic)
         assert [(x.item, x.instance) for x in ours.leftovers] == [
             (x.item, x.instance) for x in packing.leftovers
         ]
+        for name in ("Low", "Apart"):
+            assert [p.details.get(name) for p in ours.placements] == [
+                p.details.get(name) for p in packing.placements
+            ]
         routes |= {p.route for p in ours.placements}
     return routes
 
@@ -87,6 +124,48 @@ def test_the_environment_holds_the_planner(mask: str, size: tuple[float, float, 
 def test_perturbed_orientations_come_as_in_the_planner() -> None:
     routes = [compare("stable", (0.15, 0.15, 0.1), 5, seed=seed, most=8) for seed in (3, 4)]
     assert set.union(*routes) == {"first-pass", "later", "5d"}
+
+
+OWN = "tests.planning.own_rules"
+
+
+@pytest.mark.parametrize("mask", ["legal", "stable", "robot"])
+@pytest.mark.parametrize(
+    "own",
+    [(f"{OWN}:Low",), (f"{OWN}:Apart",), (Apart(0.05), f"{OWN}:Low")],
+    ids=["state-free", "state", "both"],
+)
+def test_with_own_constraints_it_still_holds_the_planner(own: Sequence[str | Constraint], mask: str) -> None:
+    """One that knows no state, one that does and objects to orientations, and both; episode by episode."""
+    compare(mask, (0.18, 0.18, 0.12), 4 if len(own) == 1 else 2, seed=5, own=own)
+
+
+@pytest.mark.parametrize("mask", ["legal", "stable", "robot"])
+def test_with_own_constraints_and_an_own_heuristic_it_still_holds_the_planner(mask: str) -> None:
+    heuristics = (f"{OWN}:flattest", "hm", f"{OWN}:deepest")
+    compare(mask, (0.18, 0.18, 0.12), 6, seed=6, heuristics=heuristics)
+    compare(mask, (0.18, 0.18, 0.12), 6, seed=7, heuristics=heuristics, own=(f"{OWN}:Apart",))
+
+
+def test_under_mask_legal_an_own_constraint_brings_the_fallback_too() -> None:
+    """What it refuses on every stable pose may pass tilted."""
+    routes = compare("legal", (0.18, 0.18, 0.12), 6, seed=8, most=4, own=(Apart(0.06),))
+    assert routes == {"first-pass", "5d"}
+
+
+def test_an_episode_tells_an_own_constraint_of_the_container_and_frees_it_at_the_end() -> None:
+    apart = Apart(0.05)
+    settings = {"mask": "legal", "containers": [(0.2, 0.2, 0.12)], "grid": COARSE, "own_constraints": [apart]}
+    env = PackEnv(settings)
+    for episode in range(1, 4):
+        env.reset(options={"order": ["soap_bar", "golf_ball"]})
+        assert len(apart.told) == episode
+        items, container = apart.told[-1]
+        assert container.size == (0.2, 0.2, 0.12)
+        assert items["soap_bar"].name == "soap_bar"
+        assert apart.closed == episode - 1
+    env.close()
+    assert apart.closed == 3
 
 
 @pytest.mark.slow

@@ -65,7 +65,7 @@ def test_a_plan_that_survives_is_the_planner_s_own(
 def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     shelf: ItemShelf, physics: dict[str, PhysicsItem]
 ) -> None:
-    """Overlap alone is asked for: of the plan of DBLF with the paper's c an item falls and sticks out, HM's stands."""
+    """Nothing but overlap is asked for: of DBLF's plan (the paper's c) an item falls and sticks out, HM's stands."""
     names = ["brick", "brick", "plank", "plank", "block", "plank", "pole"]
     loose = make_planner(
         options_of(heuristic="dblf", tie_break=1.0, constraints="overlap"), shelf, BOX, physics

@@ -89,13 +89,27 @@ def planned(shelf: ItemShelf, options: PlanOptions, box: Container, order: Seque
 
 
 def compare(
-    shelf: ItemShelf, level: Level, heuristic: str, box: Container, checked: int, *, orders: int, size: int
+    shelf: ItemShelf,
+    level: Level,
+    heuristic: str,
+    box: Container,
+    checked: int,
+    *,
+    orders: int,
+    size: int,
+    own: tuple[str, ...] = (),
 ) -> Counter[str]:
     """Routes and leftovers of both, which must agree."""
     options = PlanOptions(
-        heuristic, constraints=level, max_checked=checked, restarts=0, stability="paper", grid=GRID
+        heuristic,
+        constraints=level,
+        own_constraints=own,
+        max_checked=checked,
+        restarts=0,
+        stability="paper",
+        grid=GRID,
     )
-    env = make_env(box, mask=MASKS[level], max_checked=checked)
+    env = make_env(box, mask=MASKS[level], max_checked=checked, own_constraints=own)
     agent = PlannerAgent(heuristic, checked)
     rng = np.random.default_rng(7)
     seen: Counter[str] = Counter()
@@ -133,6 +147,15 @@ def test_the_planner_agent_places_as_the_planner(
     seen = compare(shelf, level, heuristic, box, checked, orders=3, size=8)
     assert seen["first-pass"] > 10
     assert all(seen[what] > 0 for what in happens), seen
+
+
+@pytest.mark.parametrize("level", ["overlap", "stability", "robot"])
+def test_with_an_own_constraint_too_it_places_as_the_planner(shelf: ItemShelf, level: Level) -> None:
+    """Told by the mask alone: an agent knows nothing of it."""
+    own = ("tests.planning.own_rules:Apart",)
+    seen = compare(shelf, level, "hm", NARROW, 3, orders=3, size=7, own=own)
+    assert seen["first-pass"] > 8
+    assert seen["left-over"] > 0
 
 
 @pytest.mark.slow

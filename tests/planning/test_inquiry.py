@@ -21,7 +21,7 @@ from packenv.planning.packing import Pile
 from packenv.planning.scores import HEURISTICS
 from packenv.planning.sequence import Piece
 from packenv.planning.turns import Strategy, Tier, still_open
-from packenv.types import Container, OrientedItem, RobotPath
+from packenv.types import Container, Leftover, OrientedItem, Placement, RobotPath
 from tests.shapes import box
 from tests.shelf_samples import shelf_of
 
@@ -202,8 +202,9 @@ def test_a_second_tier_asks_again_only_what_it_replaces(most: int) -> None:
     planner = Planner(HEURISTICS["hm"], GRID, (kept, hard), strategy=strategy, max_checked=most)
     packing = planner.pack(["brick"], SHELF.prepared, BOX)
     assert {*kept.asked.values(), *hard.asked.values(), *soft.asked.values()} == {1}
-    (piece,) = (*packing.placements, *packing.leftovers)
-    refusals = Counter(piece.rejections)
+    pieces: list[Placement | Leftover] = [*packing.placements, *packing.leftovers]
+    assert len(pieces) == 1
+    refusals = Counter(pieces[0].rejections)
     assert refusals["not-kept"] == sum(not even(t) for t in trials() if key(t) in kept.asked)
     assert refusals["not-rule"] == len(hard.asked) + len(soft.asked) - len(packing.placements)
     assert set(refusals) <= {"not-kept", "not-rule"}
