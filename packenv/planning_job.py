@@ -21,6 +21,16 @@ if TYPE_CHECKING:
     from packenv.sim.world import WorldConfig
 
 
+def require_engine(options: PlanOptions) -> None:
+    """Say before long work begins where physics is asked and there is no engine.
+
+    Raises:
+        PhysicsError: so it is.
+    """
+    if options.asks_physics:
+        import packenv.sim  # noqa: F401
+
+
 @dataclass(frozen=True, eq=False)
 class PlanningJob:
     """Items and options, and the planners that they make for a container.
@@ -47,8 +57,7 @@ class PlanningJob:
             InputError: a mesh cannot be used.
         """
         options = self.options
-        if options.asks_physics:
-            import packenv.sim  # noqa: F401  says before the planning where there is no engine
+        require_engine(options)
         self.shelf.load(
             names,
             fields=options.constraints != "overlap",

@@ -291,8 +291,8 @@ class Leftover:
         item: name of the item.
         instance: as in :class:`Placement`.
         reason: a word for programs: ``larger-than-container``, ``no-legal-candidate``,
-            ``no-graspable-spot``, ``given-up`` (another item of the order found no place) or, where legal
-            candidates were rejected, ``no-packable-candidate``.
+            ``no-graspable-spot``, ``no-usable-orientation``, ``given-up`` (another item of the order found no
+            place) or, where legal candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """

@@ -12,6 +12,7 @@ from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import PRESETS, PlanOptions, heuristic_label
+from packenv.planning_job import require_engine
 from packenv.showing import show
 from packenv.types import Plan
 
@@ -22,6 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
     check_outputs({f"--{name}": getattr(arguments, name) for name in _OUTPUTS}, arguments.order)
     options = options_from(arguments)
+    require_engine(options)
     catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit)
     order = api.load_order(arguments.order, catalogue)
     boxes = read_boxes(arguments.boxes)

@@ -12,6 +12,9 @@ from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.options import GraspRule
 from packenv.types import OrientedItem, RobotPath
 
+NO_GRASP = "no-grasp"
+"""The word against an orientation on which the cup finds no spot."""
+
 
 @dataclass(frozen=True, eq=False)
 class ManipulationConstraint(Constraint):
@@ -35,7 +38,7 @@ class ManipulationConstraint(Constraint):
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """An orientation without a graspable spot is of no use anywhere."""
-        return None if self.grasps(oriented) else "no-grasp"
+        return None if self.grasps(oriented) else NO_GRASP
 
     def grasps(self, oriented: OrientedItem) -> tuple[Grasp, ...]:
         """The grasps of an oriented item, generated once."""

@@ -17,6 +17,7 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
+from packenv.planning.manipulation_constraint import NO_GRASP
 from packenv.planning.measured import Resting
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.scores import Heuristic, scores_of
@@ -349,9 +350,14 @@ class _Run:
         """Why an item is not in the plan."""
         box = self.container.label
         fitting = [oriented for oriented in item.orientations if self.fits([oriented])]
-        if fitting and all(objection(self.planner.constraints, o) is not None for o in fitting):
+        objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
+        words = sorted({word for word in objections if word is not None})
+        if words == [NO_GRASP] and None not in objections:
             reason = "no-graspable-spot"
             detail = f"{item.name} has no graspable spot in any stable pose that fits"
+        elif words and None not in objections:
+            reason = "no-usable-orientation"
+            detail = f"every stable pose of {item.name} that fits is ruled out: {', '.join(words)}"
         elif any(not reason.startswith(ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             reason = "no-packable-candidate"

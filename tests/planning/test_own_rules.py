@@ -263,7 +263,7 @@ def test_the_name_physics_is_taken_where_physics_is_asked() -> None:
         (f"{HERE}:Container", "cannot be made without arguments"),
         (f"{HERE}:Counter", "has no 'Counter'"),
         (f"{HERE}:dataclass.nothing", "has no 'nothing'"),
-        ("collections:Counter", "is no constraint, derive its class from packenv.Constraint"),
+        ("collections:Counter", "an object of a class that is derived from packenv.Constraint"),
         ("no_such_module:Low", "there is no module 'no_such_module'"),
         ("a b:c", "is no name of own code"),
         ("<own>", "give the constraint again"),
