@@ -119,7 +119,10 @@ def load_plan(path: str | Path, catalogue: Items | None = None, *, unit: str | N
     """
     plan = replace(read_plan(Path(path)), source=Path(path))
     shelf = shelf_of(plan, catalogue, unit=unit)
-    return replace(plan, items={p.item: shelf.items[p.item] for p in plan.placements})
+    names = [p.item for p in plan.placements]
+    if plan.catalogue == MEMORY:  # no later call finds the others
+        names += [left.item for left in plan.leftovers if left.item in shelf]
+    return replace(plan, items={name: shelf.items[name] for name in names})
 
 
 def save_plan(plan: Plan, path: str | Path) -> None:
@@ -284,12 +287,19 @@ def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Contain
     if isinstance(container, str) and container.lower() != "auto":
         return [parse_container(container, read_boxes())]
     boxes = read_boxes() if isinstance(container, str) else container
+    if not isinstance(boxes, Sequence) or not all(isinstance(box, Container) for box in boxes):
+        raise InputError(
+            f"container is {container!r:.60}, give packenv.Container(0.32, 0.32, 0.30), '0.32x0.32x0.30', the id "
+            "of a box, 'auto' or a list of containers"
+        )
     if not boxes:
         raise InputError("no container is given, give at least one")
     return sorted(boxes, key=lambda box: box.volume)
 
 
 def _check_names(order: Order, shelf: ItemShelf) -> None:
+    if not isinstance(order, Order):
+        raise OrderError(f"the order is {order!r:.60}, give packenv.Order.of('mug', 'bowl')")
     if not order.names:
         raise OrderError("the order is empty, give at least one item")
     for name in dict.fromkeys(order.names):

@@ -155,7 +155,15 @@ def test_a_container_comes_in_many_forms(catalogue: rp.Catalogue) -> None:
 
 
 def test_no_container_is_one_line(catalogue: rp.Catalogue) -> None:
-    for wrong, word in (([], "no container"), ("0.3x0.3", "0.3x0.3"), ("NOBOX", "NOBOX")):
+    wrongs: tuple[tuple[Any, str], ...] = (
+        ([], "no container"),
+        ("0.3x0.3", "0.3x0.3"),
+        ("NOBOX", "NOBOX"),
+        ((0.3, 0.3, 0.3), "packenv.Container"),
+        (0.3, "packenv.Container"),
+        (None, "packenv.Container"),
+    )
+    for wrong, word in wrongs:
         with pytest.raises(rp.InputError) as problem:
             rp.plan(ORDER, wrong, catalogue)
         told(problem, word)
@@ -209,6 +217,22 @@ def test_an_empty_order_is_one_line(catalogue: rp.Catalogue) -> None:
 
 
 # ----------------------------------------------------------------------------------------- catalogues
+
+
+@pytest.mark.parametrize("order", [["brick", "can"], "brick", None])
+def test_what_is_no_order_is_one_line(order: Any, catalogue: rp.Catalogue) -> None:
+    with pytest.raises(rp.InputError) as problem:
+        rp.plan(order, BOX, catalogue)
+    told(problem, "packenv.Order.of")
+
+
+def test_an_item_of_another_catalogue_takes_its_new_name(catalogue: rp.Catalogue) -> None:
+    both = rp.load_catalogue({"stone": catalogue.item("brick"), "can": catalogue.item("can")})
+    assert (both.item("stone").name, both.item("can").name) == ("stone", "can")
+    planned = rp.plan(rp.Order.of("stone", "can"), BOX, both, **QUICK)
+    assert sorted(p.item for p in planned.placements) == ["can", "stone"]
+    assert rp.verify(planned).ok
+    assert rp.execute(planned, closed_loop=True).success
 
 
 def test_a_catalogue_from_a_folder_and_from_memory_is_the_same(folder: Path) -> None:
@@ -477,6 +501,32 @@ def test_leftovers_get_another_chance(catalogue: rp.Catalogue) -> None:
     )
     final = rp.execute(short).execution.final
     assert rp.plan_rest(short, final).complete
+
+
+def test_leftovers_of_a_saved_plan_of_memory_are_at_hand(catalogue: rp.Catalogue, tmp_path: Path) -> None:
+    planned = rp.plan(ORDER, rp.Container(0.11, 0.09, 0.06), catalogue, **QUICK)
+    assert planned.placements
+    assert planned.leftovers
+    rp.save_plan(planned, tmp_path / "p.json")
+    again = rp.load_plan(tmp_path / "p.json", catalogue)
+    poses = [p.pose for p in again.placements]
+    assert pieces(rp.plan_rest(again, poses)) == pieces(planned)
+    executed = rp.execute(again, closed_loop=True)
+    assert pieces(executed.plan) == pieces(planned)
+    assert not executed.success
+    assert executed.to_json()["cause"] == "left-over"
+
+
+def test_a_partly_filled_container_is_shown_too(
+    plan: rp.Plan, executed: rp.ExecutedPlan, tmp_path: Path
+) -> None:
+    measured = executed.execution.final[:1]
+    rest = rp.plan_rest(plan, measured)
+    carried = rp.execute(rest, placed=measured, record=True)
+    for suffix in ("html", "png", "gif", "glb"):
+        rp.show(carried, tmp_path / f"e.{suffix}")
+        rp.show(rest, tmp_path / f"p.{suffix}")
+    assert len(trimesh.load(tmp_path / "e.glb").graph.nodes_geometry) == 3
 
 
 def test_more_poses_than_items_are_refused(plan: rp.Plan, executed: rp.ExecutedPlan) -> None:

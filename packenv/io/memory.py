@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def items_of_meshes(source: Any, unit: str | None) -> dict[str, Item]:
 
 def _item(name: str, mesh: Any, unit: str | None) -> Item:
     if isinstance(mesh, Item):
-        return mesh
+        return mesh if mesh.name == name else replace(mesh, name=name)
     where = Path(f"mesh {name!r}")
     if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
         raise MeshError(
