@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from packenv.errors import InputError, OrderError
-from packenv.io.catalogues import Catalogue, closest_match, open_catalogue
+from packenv.io.catalogues import MEMORY, Catalogue, closest_match, open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.memory import items_of_meshes
 from packenv.io.orders import read_order
