@@ -34,7 +34,7 @@ from packenv.commands.pack import options_from
 from packenv.io.catalogues import open_catalogue
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.item_cache import ItemCache
-from packenv.io.shelves import ItemShelf
+from packenv.io.shelves import ONE_USER, ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.measured import Resting
@@ -135,7 +135,8 @@ def main() -> int:
             preparation = [a + b for a, b in zip(preparation, fields, strict=True)]
 
         def order_from_disk(order: list[str], heuristic: str) -> Any:
-            return pack_order(order, heuristic, ItemShelf(catalogue, grid, cache=cache))
+            fresh = ItemShelf(catalogue, grid, cache=cache, field_memory=ONE_USER, map_memory=ONE_USER)
+            return pack_order(order, heuristic, fresh)
 
         def pack_order(order: list[str], heuristic: str, shelf: ItemShelf) -> Any:
             job = PlanningJob(shelf, replace(options, heuristic=heuristic), margins=False)

@@ -109,6 +109,8 @@ class Inquiry:
 
     def possible(self, orientations: Iterable[OrientedItem]) -> list[OrientedItem]:
         """The orientations that no constraint rules out wherever the item would lie."""
+        if not self.constraints:
+            return list(orientations)
         return [oriented for oriented in orientations if not self.objected(oriented)]
 
     def ask(self, trial: Trial, rules: Sequence[Constraint] | None = None) -> Answer:

@@ -102,8 +102,11 @@ def ranked(scores: FloatArray, most: int) -> IntArray:
 
 def still_open(candidates: Candidates, refused: Iterable[Question]) -> IntArray:
     """Indices of the candidates that are not among the refused ones, ascending."""
+    asked = list(refused)
+    if not asked:
+        return np.arange(len(candidates))
     number = {grid.oriented.rotation.tobytes(): k for k, grid in enumerate(candidates.grids)}
-    places = [(number[rotation], ix, iy) for rotation, ix, iy in refused if rotation in number]
+    places = [(number[rotation], ix, iy) for rotation, ix, iy in asked if rotation in number]
     if not places:
         return np.arange(len(candidates))
     side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(p[1:]) for p in places)))
