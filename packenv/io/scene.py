@@ -133,7 +133,7 @@ def build_scene(
         leftovers=plan.leftovers,
         title=title or f"{count} item{'s' * (count != 1)} in container {plan.container.label}",
         metrics=dict(plan.metrics),
-        settings=dict(plan.settings),
+        settings={name: "none" if value in (None, []) else value for name, value in plan.settings.items()},
     )
 
 
