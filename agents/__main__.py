@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from packenv.commands.reporting import reported
 from packenv.errors import InputError
+from packenv.extensions import is_extension
 
 from .registry import NAMES, check_name
 
@@ -74,7 +75,10 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exit codes: 0 done, 1 an episode failed, 2 bad input.",
     )
     parser.add_argument(
-        "--agent", required=True, metavar="NAME[,NAME...]", help=f"one or several of {', '.join(NAMES)}"
+        "--agent",
+        required=True,
+        metavar="NAME[,NAME...]",
+        help=f"one or several of {', '.join(NAMES)}; your own as my_module:MyAgent",
     )
     parser.add_argument(
         "--episodes", type=_at_least_one, default=20, metavar="N", help="of each agent (default: %(default)s)"
@@ -87,8 +91,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--order-generator",
-        metavar="FILE|JSON",
-        help='the orders, such as {"kind": "random", "items": [5, 10]} (default: ten random items)',
+        metavar="FILE|JSON|MODULE:NAME",
+        help='the orders, such as {"kind": "random", "items": [5, 10]}, or a generator of your own '
+        "(default: ten random items)",
     )
     parser.add_argument("--weights", type=Path, metavar="DIR", help="what train wrote, for the agent learned")
     parser.add_argument(
@@ -107,7 +112,9 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     options = _agent_options(arguments)
     config = _document(arguments.env_config, "--env-config")
-    orders = _document(arguments.order_generator, "--order-generator")
+    given = arguments.order_generator
+    own = given is not None and is_extension(given) and "{" not in given and not Path(given).exists()
+    orders = given if own else _document(given, "--order-generator")
 
     # Only now: --help and mistakes need not wait for the planner's libraries.
     from packenv.env_config import PackConfig

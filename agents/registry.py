@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import cast
 
 from packenv.errors import InputError
+from packenv.extensions import is_extension, made_extension
 
 from .protocol import Agent
 
@@ -35,7 +36,7 @@ def check_name(name: str) -> None:
     Raises:
         InputError: there is no such agent; the message names the closest one.
     """
-    if name not in _CLASSES:
+    if name not in _CLASSES and not is_extension(name):
         raise InputError(f"agent {name!r} is not known{_hint(name)}")
 
 
@@ -43,7 +44,7 @@ def make(name: str, **options: object) -> Agent:
     """Make an agent; the module of its class, and with it torch, is loaded only now.
 
     Args:
-        name: one of :data:`NAMES`.
+        name: one of :data:`NAMES`, or ``my_module:MyAgent`` of one of the user's own.
         options: what the agent's class takes: ``heuristic`` and ``max_checked`` of ``planner``, ``weights``
             (a folder) and ``trust`` of ``learned``.
 
@@ -51,6 +52,13 @@ def make(name: str, **options: object) -> Agent:
         InputError: an unknown agent or option, an option that is missing, or one with a wrong value.
     """
     check_name(name)
+    if is_extension(name):
+        return cast(
+            Agent,
+            made_extension(
+                name, "agent", _acts, "an object with act(obs, info) and reset(seed), or its class"
+            ),
+        )
     module, class_name = _CLASSES[name]
     found = getattr(importlib.import_module(module, __package__), class_name)
     known = inspect.signature(found).parameters
@@ -62,6 +70,11 @@ def make(name: str, **options: object) -> Agent:
         if parameter.default is parameter.empty and option not in options:
             raise InputError(f"agent {name}: option {option!r} is missing")
     return cast(Agent, found(**options))
+
+
+def _acts(thing: object) -> bool:
+    methods = (getattr(thing, name, None) for name in ("act", "reset"))
+    return not isinstance(thing, type) and all(map(callable, methods))
 
 
 def _hint(name: str) -> str:

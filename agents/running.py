@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 TIMEOUT = 1800.0
 """Seconds after which a worker process gives an episode up."""
 
-OrderSpec: TypeAlias = Mapping[str, object]
+OrderSpec: TypeAlias = Mapping[str, object] | str
 """What :func:`packenv.order_generators.from_spec` takes."""
 
 
@@ -116,7 +116,8 @@ class Setting:
 
     Attributes:
         config: its configuration.
-        order_generator: the specification of its orders; None takes the environment's own.
+        order_generator: the specification of its orders, or ``my_module:MyGenerator``; None takes the
+            environment's own.
     """
 
     config: PackConfig = field(default_factory=PackConfig)
@@ -300,7 +301,7 @@ def _canonical(document: object) -> str:
 
 def _files_digest(setting: Setting) -> str:
     """Of what the setting names by its path: the catalogue's folder and a file of orders."""
-    spec = setting.order_generator or {}
+    spec = setting.order_generator if isinstance(setting.order_generator, Mapping) else {}
     paths = [] if setting.config.catalogue == BUILTIN else [Path(setting.config.catalogue)]
     paths += [Path(str(spec["path"]))] if "path" in spec else []
     return _digest(file for path in paths for file in ([path] if path.is_file() else path.glob("*")))

@@ -71,3 +71,30 @@ def test_a_file_of_something_else_is_not_written_over(
     assert main(["--agent", "hm", "--episodes", "1", "--out", str(path)]) == 2
     assert "notes.txt, line 1: is no row of results" in capsys.readouterr().err
     assert path.read_text() == "my notes"
+
+
+def test_own_agents_and_generators_go_by_module_and_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "own_agents_of_mine.py").write_text(
+        "from packenv.order_generators import GeneratedOrder\n"
+        "class Deferrer:\n"
+        "    def act(self, obs, info):\n"
+        "        return len(obs['action_mask']) - 1\n"
+        "    def reset(self, seed=None):\n"
+        "        pass\n"
+        "class Soap:\n"
+        "    def generate(self, rng):\n"
+        "        return GeneratedOrder(('soap_bar', 'golf_ball'))\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    options = ["--env-config", '{"mask": "legal"}', "--episodes", "1", "--json"]
+    agent, orders = "own_agents_of_mine:Deferrer", "own_agents_of_mine:Soap"
+    assert main(["--agent", f"hm,{agent}", "--order-generator", orders, *options]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["order_generator"] == orders
+    assert [row["agent"] for row in told["agents"]] == ["hm", agent]
+    assert told["agents"][0]["packed_share"]["mean"] == 1.0
+    assert told["agents"][1]["packed_share"]["mean"] == 0.0
+    assert main(["--agent", "own_agents_of_mine:Nobody", *options]) == 2
+    assert "own_agents_of_mine has no 'Nobody'" in capsys.readouterr().err
