@@ -41,3 +41,12 @@ def test_the_own_heuristic_has_at_most_fifteen_lines() -> None:
     text = (REPO / "examples" / "my_heuristic.py").read_text()
     rule = text[text.index("def flattest") :].split("\n\n\n")[0]
     assert rule.count("\n") <= 15
+
+
+def test_readme_and_api_show_the_lines_that_the_example_runs() -> None:
+    lines = (REPO / "examples" / "pack_an_order.py").read_text().splitlines()
+    shown = [line for line in lines[2 : lines.index('rp.show(plan, "plan.html")') + 1] if line]
+    assert len(shown) == 7
+    for page in ("README.md", "packenv/api.py"):
+        text = [line.split("  #")[0].strip() for line in (REPO / page).read_text().splitlines()]
+        assert [line for line in text if line in shown] == shown, page
