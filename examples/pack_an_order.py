@@ -9,5 +9,5 @@ assert rp.verify(plan, catalogue).ok
 execution = rp.execute(plan, catalogue, feel=True)
 rp.show(plan, "plan.html")
 
-assert execution.success, execution.execution.detail
+assert execution.success, execution.verdict
 print(f"{len(plan.placements)} items packed and placed; open plan.html")

@@ -67,6 +67,12 @@ class ExecutedPlan:
         """Nothing collided, every item is inside, and in closed loop none is left over."""
         return self.execution.success and not self.leftovers
 
+    @property
+    def verdict(self) -> str:
+        """``success``, or the cause of the failure and a phrase."""
+        execution = self.execution
+        return "success" if execution.success else f"{execution.cause}: {execution.detail}"
+
     def to_json(self) -> dict[str, Any]:
         """The execution as a JSON-able mapping (docs/execution.md)."""
         return execution_to_json(

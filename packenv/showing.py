@@ -56,22 +56,21 @@ def show(
     """
     path = Path(path)
     check_suffix(path)
-    plan = thing if isinstance(thing, Plan) else thing.plan
+    plan, executed = (thing, None) if isinstance(thing, Plan) else (thing.plan, thing)
     kind = path.suffix.lower()
-    if not isinstance(thing, Plan) and kind == ".gif" and not thing.frames:
+    if kind == ".gif" and executed is not None and not executed.frames:
         raise InputError(f"show {path}: nothing was recorded, give record=True to execute")
     shelf = shelf_of(plan, catalogue, unit=unit)
     items = {p.item: shelf.items[p.item] for p in plan.placements}
     if kind == ".glb":
-        poses = None if isinstance(thing, Plan) else thing.execution.final
+        poses = None if executed is None else executed.execution.final
         content: bytes = plan.to_scene(poses, items).export(file_type="glb")  # type: ignore[no-untyped-call]
         write_whole(path, content)
     elif kind == ".gif":
         from packenv.io.animation import planned_frames, write_gif
 
-        executed = not isinstance(thing, Plan)
-        frames = thing.frames if not isinstance(thing, Plan) else planned_frames(plan)
-        ending = _verdict(thing) if executed and not isinstance(thing, Plan) else ""
+        frames = planned_frames(plan) if executed is None else executed.frames
+        ending = "" if executed is None else executed.verdict
         write_gif(path, plan, items, frames, ending, lambda f: watcher.progress(f, "drawing"))
     else:
         _draw(path, scene_of(thing, catalogue, unit=unit, watcher=watcher))
@@ -110,8 +109,3 @@ def _draw(path: Path, scene: Scene) -> None:
         from packenv.io.viewer import write_page
 
         write_page(path, scene)
-
-
-def _verdict(executed: ExecutedPlan) -> str:
-    execution = executed.execution
-    return "success" if execution.success else f"{execution.cause}: {execution.detail}"
