@@ -25,6 +25,7 @@ from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key
 from packenv.io.shelves import ItemShelf
+from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Order
 from packenv.verification import verify
@@ -48,7 +49,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, self)
+        return row_key(__version__, GRID, self, own_code(PlanOptions(heuristic=self.heuristic)))
 
 
 class _Worker:

@@ -10,6 +10,7 @@ from pathlib import Path
 from packenv import api
 from packenv.io.rows import row_key
 from packenv.io.shelves import ItemShelf
+from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Item, Order, Plan
 from packenv.version import __version__
@@ -59,7 +60,7 @@ class PlanStore:
         """
         options = replace(options, geometry="parts")
         items = fingerprints(self.shelf.shapes, order)
-        key = row_key(__version__, self.box, options.to_mapping(), tuple(order), items)
+        key = row_key(__version__, self.box, options.to_mapping(), own_code(options), tuple(order), items)
         path = self.folder / f"{key}.json"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)

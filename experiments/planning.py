@@ -28,6 +28,7 @@ from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
 from packenv.io.shelves import ItemShelf
+from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.planning.orientations import perturbations
 from packenv.types import Container, Order, Plan
@@ -52,7 +53,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, self)
+        return row_key(__version__, GRID, self, own_code(self.options))
 
 
 class _Worker:

@@ -12,6 +12,7 @@ from tqdm import tqdm
 from packenv.agents.workers import run_jobs
 from packenv.errors import InputError
 from packenv.io.rows import RowFile
+from packenv.planning.assembly import heuristic_of
 from packenv.planning.options import PlanOptions
 
 
@@ -40,7 +41,7 @@ def heuristic(text: str) -> str:
         argparse.ArgumentTypeError: there is none of that name.
     """
     try:
-        PlanOptions(heuristic=text)
+        heuristic_of(PlanOptions(heuristic=text))
     except InputError as problem:
         raise argparse.ArgumentTypeError(str(problem)) from None
     return text

@@ -19,10 +19,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from packenv.errors import InputError, OrderError
-from packenv.io.catalogues import MEMORY, Catalogue, closest_match, open_catalogue
+from packenv.io.catalogues import MEMORY, Catalogue, closest_match
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.memory import items_of_meshes
 from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
 from packenv.io.plans import read_plan, write_plan
@@ -33,11 +34,12 @@ from packenv.plan_items import (
     options_again,
     options_of,
     renumbered,
+    require_plan,
     shelf_for,
     shelf_of,
 )
 from packenv.planning.measured import Resting
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning_job import PlanningJob
 from packenv.showing import show
@@ -92,9 +94,7 @@ def load_catalogue(
         InputError: the folder or its table is wrong, or a mesh in memory cannot be used. Mesh files are read
             when their items are first asked for.
     """
-    if isinstance(source, str | Path):
-        return open_catalogue(source, unit=unit)
-    return Catalogue.of_items(items_of_meshes(source, unit))
+    return catalogue_of(source, unit)
 
 
 def load_order(path: str | Path, catalogue: Items = "builtin") -> Order:
@@ -131,6 +131,8 @@ def save_plan(plan: Plan, path: str | Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    if not isinstance(plan, Plan):
+        raise InputError(f"save_plan: {plan!r:.60} is no plan, give the plan, then the path")
     write_plan(Path(path), plan)
 
 
@@ -138,7 +140,7 @@ def plan(
     order: Order,
     container: Container | str | Sequence[Container],
     catalogue: Items = "builtin",
-    options: PlanOptions | None = None,
+    options: PlanOptions | Mapping[str, Any] | str | None = None,
     *,
     unit: str | None = None,
     margins: bool = True,
@@ -153,8 +155,8 @@ def plan(
             boxes, or ``auto`` for the built-in ones: the smallest that takes all items is taken, else the
             largest.
         catalogue: where the items are from.
-        options: how to plan; the default ones where None.
-        unit: the unit that the user gave for the catalogue's meshes, for the plan's file.
+        options: how to plan, as options, by name, or the word of a preset; the default ones where None.
+        unit: of the meshes, where ``catalogue`` is a folder or meshes in memory.
         margins: tell the margin of every placed item, a few milliseconds each.
         watcher: is told of progress.
         words: options by name, in place of those of ``options``: ``heuristic="mta"``.
@@ -165,8 +167,8 @@ def plan(
     Raises:
         InputError: an option, the order, the container or a mesh is wrong.
     """
-    chosen = (options or PlanOptions()).changed(words)
-    shelf = shelf_for(catalogue, chosen)
+    chosen = _options(options).changed(words)
+    shelf = shelf_for(catalogue, chosen, unit)
     boxes = _boxes(container)
     _check_names(order, shelf)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
@@ -222,20 +224,22 @@ def plan_rest(
 
     Args:
         plan: the plan.
-        measured: poses of its first items, as many as were placed.
+        measured: poses of its first items, as many as were placed, such as ``ExecutedPlan.measured``.
         catalogue: where its items are from; None takes what the plan names.
         options: how to plan, rehearsals included; None takes those of the plan.
         watcher: is told of progress.
 
     Returns:
         A plan whose first placements are at the measured poses, without a robot's path, and whose others are
-        new. ``execute(rest, placed=measured)`` carries on.
+        new: its ``lying`` says how many lie there, and :func:`execute` carries on from there.
 
     Raises:
         InputError: more poses than placements, or the plan, the options or a mesh is wrong.
     """
+    require_plan(plan)
     if len(measured) > len(plan.placements):
         raise InputError(f"{len(measured)} measured poses, but the plan places {len(plan.placements)} items")
+    measured = [_pose(k, pose) for k, pose in enumerate(measured, start=1)]
     chosen = options_again(plan, options)
     shelf = shelf_of(plan, catalogue, options=chosen)
     done = plan.placements[: len(measured)]
@@ -251,7 +255,16 @@ def plan_rest(
         placements=(*moved, *packing.placements),
         utilization=volume / plan.container.volume,
     )
-    made = make_plan(whole, plan.order, shelf, chosen, unit=plan.unit, made_by=made_by, metrics=metrics)
+    made = make_plan(
+        whole,
+        plan.order,
+        shelf,
+        chosen,
+        unit=plan.unit,
+        made_by=made_by,
+        metrics=metrics,
+        lying=len(done),
+    )
     return renumbered(made)
 
 
@@ -266,6 +279,24 @@ def _rehearsed_plan(
     return make_plan(rehearsed.packing, lines, shelf, options, unit=unit, made_by=how, metrics=metrics)
 
 
+def _pose(step: int, given: Pose) -> Pose:
+    """A pose as it was measured.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        rotation, position = (np.asarray(part, dtype=np.float64) for part in given)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"measured pose {step} is {given!r:.60}, give packenv.Pose(rotation, position)"
+        ) from None
+    sound = rotation.shape == (3, 3) and position.shape == (3,) and np.isfinite(position).all()
+    if not sound or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+        raise InputError(f"measured pose {step}: give a (3, 3) rotation and a (3,) position in m, all finite")
+    return Pose(rotation, position)
+
+
 def _moved(placement: Placement, rest: Resting) -> Placement:
     """A placement at the pose that was measured."""
     placed = Pose(rest.rotation, rest.position).apply(rest.item.vertices)
@@ -278,6 +309,17 @@ def _moved(placement: Placement, rest: Resting) -> Placement:
         extents=placed.max(axis=0) - low,
         path=None,
     )
+
+
+def _options(given: PlanOptions | Mapping[str, Any] | str | None) -> PlanOptions:
+    """Options that the user gave in one of several ways."""
+    if isinstance(given, PlanOptions):
+        return given
+    if given is None or isinstance(given, Mapping):
+        return PlanOptions.from_mapping(given or {})
+    if given not in PRESETS:
+        raise InputError(f"options is {given!r:.60}, give PlanOptions, or one of {', '.join(PRESETS)}")
+    return PRESETS[given]()
 
 
 def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Container]:

@@ -11,7 +11,7 @@ from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Inquiry, Memory
 from packenv.planning.packing import Pile
-from packenv.planning.scores import Heuristic, scores_of
+from packenv.planning.scores import Heuristic
 from packenv.planning.turns import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
@@ -78,7 +78,7 @@ def choose(
     if not len(candidates):
         return None
     # A generator that is always the same: an own heuristic that draws must not differ from copy to copy.
-    found = (scores_of(heuristic, candidates, np.random.default_rng(0)) for heuristic in heuristics)
+    found = (heuristic(candidates, np.random.default_rng(0)) for heuristic in heuristics)
     scores = np.column_stack(tuple(found))
 
     def passes(index: int) -> bool:

@@ -12,7 +12,15 @@ from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
 from packenv.io.shelves import ItemShelf
-from packenv.plan_items import Items, options_again, options_of, renumbered, shelf_of, surfaces_of
+from packenv.plan_items import (
+    Items,
+    options_again,
+    options_of,
+    renumbered,
+    require_plan,
+    shelf_of,
+    surfaces_of,
+)
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning_job import PlanningJob
@@ -46,7 +54,7 @@ class ExecutedPlan:
         disturbance: how the world differed from it; None for the nominal world.
         plans: how many plans were looked at, in closed loop; None in open loop.
         frames: the moments that were recorded; empty where none were.
-        placed: items that lay in the container at the beginning.
+        lying: items that lay in the container at the beginning.
     """
 
     plan: Plan
@@ -55,7 +63,7 @@ class ExecutedPlan:
     disturbance: Disturbance | None = None
     plans: int | None = None
     frames: tuple[Frame, ...] = ()
-    placed: int = 0
+    lying: int = 0
 
     @property
     def leftovers(self) -> tuple[Leftover, ...]:
@@ -68,6 +76,17 @@ class ExecutedPlan:
         return self.execution.success and not self.leftovers
 
     @property
+    def measured(self) -> tuple[Pose, ...]:
+        """Poses at the end of the items that were placed, in packing sequence: what ``plan_rest`` takes."""
+        released = sum(not outcome.collided for outcome in self.execution.items)
+        return self.execution.final[: self.lying + released]
+
+    def __repr__(self) -> str:
+        """A line for people."""
+        placed = len(self.measured)
+        return f"<ExecutedPlan: {self.verdict}, {placed} of {len(self.plan.placements)} items placed>"
+
+    @property
     def verdict(self) -> str:
         """``success``, or the cause of the failure and a phrase."""
         execution = self.execution
@@ -77,13 +96,13 @@ class ExecutedPlan:
         """The execution as a JSON-able mapping (docs/execution.md)."""
         return execution_to_json(
             self.execution,
-            self.plan.placements[self.placed :],
+            self.plan.placements[self.lying :],
             self.config,
             self.disturbance,
             plan="" if self.plan.source is None else self.plan.source.name,
             plans=self.plans,
             leftovers=self.leftovers,
-            placed=self.placed,
+            placed=self.lying,
         )
 
 
@@ -98,7 +117,7 @@ def execute(
     disturb: int | Disturbance | None = None,
     settle: float | None = None,
     full_settle: bool = False,
-    placed: Sequence[Pose] = (),
+    placed: Sequence[Pose] | None = None,
     options: PlanOptions | None = None,
     config: ExecutionConfig | None = None,
     record: bool = False,
@@ -119,7 +138,7 @@ def execute(
         settle: longest time for an item to come to rest, s; None takes that of ``config``, 20 s as in the paper.
         full_settle: wait that long after every item, at rest or not.
         placed: measured poses of the first items, where the plan was carried out in part: they lie there, and
-            the execution goes on with the next one.
+            the execution goes on with the next one. None takes those that the plan says lay there.
         options: how to plan again, in closed loop; None takes those of the plan.
         config: settings of the nominal world, on which the words above build.
         record: keep frames for an animation.
@@ -131,8 +150,10 @@ def execute(
         InputError: the plan places no item or its robot's path is none, a mesh is not the plan's, or the
             window was closed before the end.
     """
+    require_plan(plan)
     if not plan.placements:
         raise PlanError(f"{plan.label}: places no item, so there is nothing to execute")
+    placed = [p.pose for p in plan.placements[: plan.lying]] if placed is None else placed
     if len(placed) > len(plan.placements):
         raise InputError(f"{len(placed)} placed poses, but the plan places {len(plan.placements)} items")
     made = options_of(plan)
@@ -157,6 +178,8 @@ def execute(
         )
     config = _config(config or ExecutionConfig(), settle=settle, full_settle=full_settle, gentle=gentle)
     config = feeling(config) if feel or closed_loop else config
+    if isinstance(disturb, int) and disturb < 0:
+        raise InputError(f"disturb is {disturb}, give a seed of at least 0")
     disturbance = Disturbance(disturb) if isinstance(disturb, int) else disturb
     recorder = Recorder() if record else None
     lying = tuple(
@@ -188,7 +211,7 @@ def execute(
                 raise
             raise InputError("gui: the window was closed before the execution was done") from None
     frames = () if recorder is None else recorder.frames()
-    return replace(executed, disturbance=disturbance, frames=frames, placed=len(placed))
+    return replace(executed, disturbance=disturbance, frames=frames, lying=len(placed))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from numbers import Integral, Real
 
 
 class RobotPackError(Exception):
@@ -21,6 +22,11 @@ class InputError(RobotPackError):
     def __init__(self, message: str) -> None:
         """Store the message with every run of white space, line breaks included, as one space."""
         super().__init__(" ".join(str(message).split()))
+
+
+def is_number(value: object, *, whole: bool = False) -> bool:
+    """Whether a value is a number, NumPy's included, and a whole one where that is asked; a bool is none."""
+    return isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
 
 
 def nearest(word: object, known: Iterable[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import sys
 from collections.abc import Callable
@@ -63,6 +64,17 @@ def made_extension(text: str, what: str, fits: Callable[[Any], bool], right: str
     if not fits(found):
         raise InputError(f"{what} {text}: is {found!r:.60}, give {right}")
     return found
+
+
+def code_digest(text: str) -> str:
+    """Digest of the file that ``module:name`` is in; empty where there is none.
+
+    Raises:
+        InputError: as :func:`load_extension`.
+    """
+    load_extension(text, "own code")
+    file = getattr(sys.modules[text.partition(":")[0]], "__file__", None)
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] if file else ""
 
 
 def extension_name(thing: object) -> str | None:

@@ -5,27 +5,45 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from packenv.errors import InputError, PlanError
+from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
 from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
+from packenv.io.memory import items_of_meshes
 from packenv.io.plans import EnvelopeRecord
 from packenv.io.shelves import ItemShelf, shelf_in
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import OWN, PlanOptions
-from packenv.planning.replay import replay
+from packenv.planning.replay import replay_plan
 from packenv.types import Item, Plan
 
-Items: TypeAlias = Catalogue | ItemShelf | str | Path
-"""Where items are from: a catalogue, a shelf that has loaded some of it, a folder, or ``builtin``."""
+if TYPE_CHECKING:
+    import trimesh
+
+Items: TypeAlias = "Catalogue | ItemShelf | str | Path | Mapping[str, Any] | trimesh.Scene"
+"""Where items are from: what ``packenv.load_catalogue`` takes or gives, or a shelf that has loaded some of it."""
 
 
-def catalogue_of(catalogue: Items) -> Catalogue:
+def catalogue_of(catalogue: Items, unit: str | None = None) -> Catalogue:
     """The catalogue that items are from."""
     if isinstance(catalogue, ItemShelf):
         return catalogue.catalogue
-    return catalogue if isinstance(catalogue, Catalogue) else open_catalogue(catalogue)
+    if isinstance(catalogue, Catalogue):
+        return catalogue
+    if isinstance(catalogue, str | Path):
+        return open_catalogue(catalogue, unit=unit)
+    return Catalogue.of_items(items_of_meshes(catalogue, unit))
+
+
+def require_plan(plan: object) -> None:
+    """Refuse what is no plan.
+
+    Raises:
+        PlanError: so it is.
+    """
+    if not isinstance(plan, Plan):
+        raise PlanError(f"{plan!r:.60} is no plan, give one, such as packenv.load_plan('plan.json')")
 
 
 def options_of(plan: Plan) -> PlanOptions:
@@ -34,6 +52,7 @@ def options_of(plan: Plan) -> PlanOptions:
     Raises:
         PlanError: its settings are not options.
     """
+    require_plan(plan)
     for name in ("constraints", "stability", "contacts", "grasp", "cell_size"):
         if name not in plan.settings:
             raise PlanError(f"{plan.label}: settings has no {name!r}, plan again")
@@ -62,6 +81,8 @@ def options_again(
     given = given or {}
     if options is not None:
         return options.changed(given)
+    if isinstance(plan.made_with, PlanOptions):  # made in this process: no file says which code is run
+        return plan.made_with.changed(given)
     chosen = options_of(plan)
     heuristics = () if "heuristic" in given else (chosen.heuristic,)
     constraints = () if "own_constraints" in given else chosen.own_constraints
@@ -74,7 +95,7 @@ def options_again(
     return chosen.changed(given)
 
 
-def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:
+def shelf_for(catalogue: Items, options: PlanOptions, unit: str | None = None) -> ItemShelf:
     """A shelf of a catalogue's items for planning with some options.
 
     Raises:
@@ -82,7 +103,7 @@ def shelf_for(catalogue: Items, options: PlanOptions) -> ItemShelf:
     """
     if isinstance(catalogue, ItemShelf):
         return catalogue.like(options.grid, options.shape)
-    return shelf_in(catalogue_of(catalogue), options.grid, options.shape)
+    return shelf_in(catalogue_of(catalogue, unit), options.grid, options.shape)
 
 
 def shelf_of(
@@ -113,7 +134,14 @@ def shelf_of(
             "catalogue= in a script"
         )
     elif catalogue is None or isinstance(catalogue, str | Path):
-        catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+        try:
+            catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+        except CatalogueError as problem:
+            if catalogue is not None:
+                raise
+            raise PlanError(
+                f"{plan.label}: its meshes: {problem}; or name their folder by --catalogue"
+            ) from None
     chosen = options or options_of(plan)
     shelf = shelf_for(catalogue, chosen)
     names = [p.item for p in plan.placements] + [left.item for left in plan.leftovers if leftovers]
@@ -132,7 +160,7 @@ def surfaces_of(plan: Plan, shelf: ItemShelf) -> tuple[ContainerMap, ...]:
     Raises:
         ValueError: an item is not inside the container.
     """
-    return replay(plan.placements, shelf.shapes, plan.container, shelf.grid.cell_size)
+    return replay_plan(plan, shelf.shapes, shelf.grid.cell_size)
 
 
 def renumbered(plan: Plan) -> Plan:

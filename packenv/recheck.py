@@ -8,7 +8,7 @@ the robot is looked for anew, and the joints that the plan states are put throug
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from packenv.planning.grasps import generate_grasps
 from packenv.planning.manipulation import ManipulationChecker
 from packenv.planning.margins import MarginRule, check_margin
 from packenv.planning.options import GraspRule, PlanOptions
-from packenv.planning.replay import replay
+from packenv.planning.replay import replay_plan
 from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import ContactFinder, contact_finder
+from packenv.planning.stability_constraint import ContactFinder, contact_finder, grounded
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.types import Contacts, Item, Placement, Plan
@@ -76,7 +76,7 @@ def recheck(
     checker = ManipulationChecker(Cell.beside(plan.container))
     unreachable = tuple(
         step
-        for step, placement in enumerate(plan.placements, start=1)
+        for step, placement in list(enumerate(plan.placements, start=1))[plan.lying :]
         if step > len(surfaces)
         or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, options.grasp)
     )
@@ -86,9 +86,9 @@ def recheck(
 def _surfaces_before(plan: Plan, items: Mapping[str, Item], cell_size: float) -> list[ContainerMap]:
     """The heightmap before each step, up to the first item that is not over the container."""
     surfaces: tuple[ContainerMap, ...] = ()
-    for count in range(len(plan.placements), 0, -1):
+    for count in range(len(plan.placements), plan.lying, -1):
         try:
-            surfaces = replay(plan.placements[:count], items, plan.container, cell_size)
+            surfaces = replay_plan(replace(plan, placements=plan.placements[:count]), items, cell_size)
             break
         except ValueError:
             continue
@@ -114,7 +114,11 @@ def _unstable(
     for step, placement in enumerate(plan.placements, start=1):
         item = items[placement.item]
         body = Body(fields[placement.item], placement.rotation, placement.position)
-        contacts = join([contacts, find(body, bodies, plan.container, step)])
+        if step <= plan.lying:  # it proved that it stands: like the floor, as in planning
+            bodies.append(body)
+            continue
+        own = grounded(find(body, bodies, plan.container, step), plan.lying)
+        contacts = join([contacts, own])
         bodies.append(body)
         masses.append(item.mass)
         coms.append(placement.rotation @ item.com + placement.position)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.scene import Scene, build_scene
-from packenv.plan_items import Items, options_of, shelf_of, surfaces_of
+from packenv.plan_items import Items, options_of, require_plan, shelf_of, surfaces_of
 from packenv.types import Plan
 from packenv.watcher import SILENT, Watcher
 
@@ -56,6 +56,8 @@ def show(
     """
     path = Path(path)
     check_suffix(path)
+    if not hasattr(thing, "execution"):
+        require_plan(thing)
     plan, executed = (thing, None) if isinstance(thing, Plan) else (thing.plan, thing)
     kind = path.suffix.lower()
     if kind == ".gif" and executed is not None and not executed.frames:
@@ -90,7 +92,7 @@ def scene_of(
     if not isinstance(thing, Plan):
         from packenv.io.execution_scene import executed_scene
 
-        return executed_scene(plan, items, thing.execution, thing.placed)
+        return executed_scene(plan, items, thing.execution, thing.lying)
     try:
         heights = [surface.heights for surface in surfaces_of(plan, shelf)]
     except ValueError as problem:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.errors import ContainerError, OrderError, PlanError
+from packenv.errors import ContainerError, OrderError, PlanError, is_number
 
 if TYPE_CHECKING:
     import trimesh
@@ -83,6 +83,8 @@ class Container:
             ContainerError: a size is outside the range.
         """
         for axis, value in zip(("length", "width", "height"), self.size, strict=True):
+            if not is_number(value):
+                raise ContainerError(f"container: {axis} is {value!r:.60}, give metres between 0.01 and 2")
             if not (np.isfinite(value) and 0.01 <= value <= 2.0):
                 raise ContainerError(
                     f"container {self.label}: {axis} is {value:g}, "
@@ -324,6 +326,16 @@ class Order:
     lines: tuple[OrderLine, ...]
     source: Path | None = None
 
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            OrderError: the lines are not lines.
+        """
+        for line in self.lines:
+            if not isinstance(line, OrderLine):
+                raise OrderError(f"the order has {line!r:.60} as a line, give Order.of('mug', 'bowl')")
+
     @classmethod
     def of(cls, *names: str) -> Order:
         """An order made in code: ``Order.of("mug", "bowl", "bowl")``.
@@ -385,6 +397,8 @@ class Plan:
         items: the items themselves, by name, where they were at hand when the plan was made or read; they are
             in no file.
         source: the file that it came from, for messages; None for a plan that was just made.
+        lying: how many of the first placements lay in the container already, at these poses.
+        made_with: the options themselves, where the plan was made in this process; they are in no file.
     """
 
     container: Container
@@ -399,6 +413,13 @@ class Plan:
     made_by: str = "planner"
     items: Mapping[str, Item] = field(default_factory=dict, repr=False)
     source: Path | None = None
+    lying: int = 0
+    made_with: object = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """A line for people."""
+        counts = f"{len(self.placements)} placed, {len(self.leftovers)} left over"
+        return f"<Plan: {counts}, {self.container.label}>"
 
     @property
     def label(self) -> str:
@@ -422,6 +443,8 @@ class Plan:
         import trimesh
 
         scene = trimesh.Scene(metadata={"container": list(self.container.size), "units": "m"})
+        if not self.placements:
+            raise PlanError(f"{self.label}: places no item, so there is no scene of it")
         known = self.items if items is None else items
         places = [p.pose for p in self.placements] if poses is None else poses
         for placement, pose in zip(self.placements, places, strict=False):

@@ -22,6 +22,7 @@ def make_plan(
     unit: str | None = None,
     made_by: str = "planner",
     metrics: Mapping[str, float] | None = None,
+    lying: int = 0,
 ) -> Plan:
     """Join a packing with what its file must tell.
 
@@ -33,6 +34,7 @@ def make_plan(
         unit: the unit that the user gave for the meshes.
         made_by: as in :class:`Plan`.
         metrics: further figures.
+        lying: as in :class:`Plan`.
     """
     routes = Counter(placement.route for placement in packing.placements)
     tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
@@ -56,6 +58,8 @@ def make_plan(
         meshes=mesh_records(names, shelf),
         made_by=made_by,
         items={name: shelf.items[name] for name in names},
+        lying=lying,
+        made_with=options,
     )
 
 

@@ -63,6 +63,7 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "unit": plan.unit,
         "container": {"name": plan.container.name, "size": list(plan.container.size)},
         "made_by": plan.made_by,
+        "lying": plan.lying,
         "settings": plan.settings,
         "order": [{"item": line.item, "qty": line.qty} for line in plan.order],
         "meshes": {name: asdict(mesh) for name, mesh in plan.meshes.items()},
@@ -146,7 +147,7 @@ def read_plan(path: Path) -> Plan:
     plan = _Reader(path).plan(document)
     if plan.catalogue in (BUILTIN, MEMORY):
         return plan
-    folder = (path.parent / plan.catalogue).as_posix()
+    folder = (path.resolve().parent / plan.catalogue).resolve().as_posix()
     return replace(plan, catalogue=folder)
 
 
@@ -293,6 +294,7 @@ class _Reader:
             ),
             settings=dict(self.mapping(document, "settings")),
             made_by=made_by if isinstance(made_by, str) else "planner",
+            lying=self.count(document, "lying", "the plan", 0) if "lying" in document else 0,
             metrics=self.mapping(document, "metrics"),
             catalogue=self.text(document, "catalogue", "the plan"),
             unit=unit if isinstance(unit, str) else None,
@@ -306,6 +308,8 @@ class _Reader:
         )
         if document.get("units") != _UNITS:
             raise self.fail("units", document.get("units"), str(_UNITS))
+        if plan.lying > len(plan.placements):
+            raise self.fail("lying", plan.lying, f"at most {len(plan.placements)}, the number of steps")
         if not plan.order:
             raise self.fail("order", [], "the order's lines, at least one")
         self.check_pieces(plan)

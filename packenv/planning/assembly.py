@@ -9,7 +9,7 @@ from typing import Protocol
 
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.extensions import load_extension, made_extension
+from packenv.extensions import code_digest, is_extension, load_extension, made_extension
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
@@ -18,8 +18,9 @@ from packenv.planning.manipulation_constraint import ManipulationConstraint
 from packenv.planning.margins import MarginRule
 from packenv.planning.options import OWN, PlanOptions, StabilityRule
 from packenv.planning.orientations import perturbations
+from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
 from packenv.planning.packer import Planner
-from packenv.planning.scores import HEURISTICS, Heuristic, heuristic_named
+from packenv.planning.scores import HEURISTICS, Heuristic, heuristic_named, name_of
 from packenv.planning.stability import StabilityChecker
 from packenv.planning.stability_constraint import StabilityConstraint
 from packenv.planning.turns import Strategy, Tier
@@ -85,14 +86,15 @@ def heuristic_of(options: PlanOptions) -> Heuristic:
     """
     given = options.heuristic
     if not isinstance(given, str):
-        return given
+        label = getattr(given, "__qualname__", type(given).__name__)
+        return given if name_of(given) != "own" else OwnHeuristic(given, label)
     if given in HEURISTICS:
         return heuristic_named(given, options.tie_break)
     _refuse_nameless(given, "heuristic")
     found: Heuristic = load_extension(given, "heuristic")
     if not callable(found):
         raise InputError(f"heuristic {given}: is no function of candidates and a random generator")
-    return found
+    return OwnHeuristic(found, given)
 
 
 def own_constraint(given: str | Constraint) -> Constraint:
@@ -150,8 +152,16 @@ def constraints_of(
     if options.constraints == "robot":
         cell = Cell.beside(container)
         found.append(manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp))
-    found += [own_constraint(given).for_order(items.shapes, container) for given in options.own_constraints]
+    for given in options.own_constraints:
+        label = given if isinstance(given, str) else type(given).__name__
+        found.append(OwnConstraint(own_constraint(given), label).for_order(items.shapes, container))
     return tuple(found)
+
+
+def own_code(options: PlanOptions) -> tuple[str, ...]:
+    """Digests of the files of own code that the options name: what results depend on besides its names."""
+    names = (options.heuristic, *options.own_constraints)
+    return tuple(code_digest(name) for name in names if isinstance(name, str) and is_extension(name))
 
 
 def assemble(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
-from packenv.errors import InputError, nearest
+from packenv.errors import InputError, is_number, nearest
 from packenv.extensions import extension_name, is_extension
 
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
@@ -70,8 +70,8 @@ class Rule:
         if self.words:
             ok = isinstance(value, str) and value in self.words
         else:
-            kinds = int if self.whole else (int, float)
-            ok = isinstance(value, kinds) and not isinstance(value, bool) and self.least <= value <= self.most
+            number: Any = value
+            ok = is_number(value, whole=bool(self.whole)) and self.least <= number <= self.most
         if not ok:
             hint = nearest(value, self.words) if isinstance(value, str) else ""
             raise InputError(f"{name} is {value!r:.60}, give {self.right}{hint}")
@@ -211,6 +211,8 @@ class PlanOptions:
                     )
                 continue
             rule.check(name, value)
+            if value is not None and not rule.words:  # NumPy's numbers become Python's, which JSON knows
+                object.__setattr__(self, name, int(value) if rule.whole else float(value))
         if not isinstance(self.grid, GridConfig):
             raise InputError(f"grid is {self.grid!r:.60}, give a GridConfig")
         if not isinstance(self.own_constraints, Sequence) or isinstance(self.own_constraints, str):

@@ -20,7 +20,7 @@ from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
 from packenv.planning.manipulation_constraint import NO_GRASP
 from packenv.planning.measured import Resting
 from packenv.planning.packing import Packing, Pile
-from packenv.planning.scores import Heuristic, scores_of
+from packenv.planning.scores import Heuristic
 from packenv.planning.sequence import Piece, Turns, pieces_of
 from packenv.planning.turns import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
@@ -279,7 +279,7 @@ class _Run:
             inquiry: knows the answers of earlier tiers on the same pile.
         """
         planner = self.planner
-        scores = scores_of(planner.heuristic, candidates, self.rng)
+        scores = planner.heuristic(candidates, self.rng)
         rules = tier.rules(planner.constraints)
         in_turn: Iterable[int]
         if planner.search == "5d":

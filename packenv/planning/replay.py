@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.container_map import ContainerMap
-from packenv.types import Container, Item, Placement
+from packenv.planning.measured import Resting, measured_map
+from packenv.types import Container, Item, Placement, Plan
 
 
 def replay(
@@ -42,3 +43,20 @@ def replay(
         surface = surface.with_item(oriented, ix, iy, z)
         surfaces.append(surface)
     return tuple(surfaces)
+
+
+def replay_plan(plan: Plan, items: Mapping[str, Item], cell_size: float) -> tuple[ContainerMap, ...]:
+    """The heightmap after each step of a plan, of what lay there already by its measured pose.
+
+    Args:
+        plan: the plan.
+        items: its placed items by name.
+        cell_size: m.
+
+    Raises:
+        ValueError: an item is not over the container's floor, or below it.
+    """
+    done, planned = plan.placements[: plan.lying], plan.placements[plan.lying :]
+    lying = [Resting(items[p.item], *p.pose) for p in done]
+    maps = [measured_map(plan.container, cell_size, lying[: k + 1]) for k in range(len(lying))]
+    return (*maps, *replay(planned, items, plan.container, cell_size, maps[-1] if maps else None))

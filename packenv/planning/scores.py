@@ -16,7 +16,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from packenv.errors import InputError
 from packenv.planning import kernels
 from packenv.planning.candidates import Candidates, TranslationGrid
 from packenv.types import FloatArray
@@ -151,29 +150,6 @@ def heuristic_named(name: str, c: float | None = None) -> Heuristic:
     if c is not None and isinstance(found, HeightmapMinimization | DeepestBottomLeft):
         return replace(found, c=c)
     return found
-
-
-def scores_of(heuristic: Heuristic, candidates: Candidates, rng: np.random.Generator) -> FloatArray:
-    """The scores of all candidates, and nothing else.
-
-    Raises:
-        InputError: an own heuristic returned something other than a finite number for each candidate.
-    """
-    scores = heuristic(candidates, rng)
-    whole = (
-        isinstance(scores, np.ndarray) and scores.shape == (len(candidates),) and scores.dtype.kind in "fiu"
-    )
-    if not whole or not np.isfinite(scores).all():
-        found = (
-            f"an array of shape {np.shape(scores)}" if isinstance(scores, np.ndarray) else f"{scores!r:.40}"
-        )
-        kind = " of other things than finite numbers" if whole else ""
-        name = getattr(heuristic, "__qualname__", type(heuristic).__name__)
-        raise InputError(
-            f"heuristic {name}: returned {found}{kind}, should be an array of {len(candidates)} finite numbers, "
-            "one for each candidate"
-        )
-    return scores.astype(np.float64, copy=False)
 
 
 def name_of(heuristic: Heuristic) -> str:

@@ -103,7 +103,7 @@ class StabilityConstraint(Constraint):
         body = Body(self.fields[name], trial.oriented.rotation, trial.position, box)
         index = len(state.bodies) - state.ground + 1
         find = contact_finder(self.contact_rule, tight=self.rule is not None)
-        own = _grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
+        own = grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
@@ -166,7 +166,7 @@ class StabilityConstraint(Constraint):
         return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)
 
 
-def _grounded(contacts: Contacts, ground: int) -> Contacts:
+def grounded(contacts: Contacts, ground: int) -> Contacts:
     """Contacts with the first ``ground`` bodies as contacts with the container."""
     if not ground:
         return contacts

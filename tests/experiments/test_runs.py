@@ -23,9 +23,12 @@ def test_an_unknown_heuristic_is_refused_before_any_job(
     assert all(known in said for known in HEURISTICS)
 
 
+OWN = "examples.my_heuristic:flattest"
+
+
 def test_own_heuristics_go_by_module_and_name() -> None:
     parser = order_options("test", orders=1, out="rows.jsonl")
-    assert parser.parse_args(["--heuristics", "my_module:my_rule"]).heuristics == ["my_module:my_rule"]
+    assert parser.parse_args(["--heuristics", OWN]).heuristics == [OWN]
 
 
 def test_every_heuristic_can_be_asked_for() -> None:

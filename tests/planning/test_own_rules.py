@@ -16,6 +16,7 @@ from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import Constraints, PlanOptions, StabilityRule
+from packenv.planning.own_rules import OwnHeuristic
 from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
 from packenv.planning.scores import DeepestBottomLeft
@@ -373,4 +374,5 @@ def test_an_own_heuristic_and_an_own_constraint_together() -> None:
         packing = made.pack(NAMES, SHELF.prepared, BOX)
     assert packing.complete
     holds(packing, 0.05)
-    assert made.heuristic is own_rules.flattest
+    assert isinstance(made.heuristic, OwnHeuristic)
+    assert made.heuristic.rule is own_rules.flattest
