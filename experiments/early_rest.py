@@ -47,6 +47,7 @@ from experiments.physics_orders import CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.carrying_out import execute
+from packenv.commands.reporting import reported
 from packenv.io.shelves import ItemShelf
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
@@ -142,4 +143,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(reported("experiments.early_rest", main))

@@ -19,6 +19,7 @@ from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, optio
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
 from packenv.carrying_out import execute
+from packenv.commands.reporting import reported
 from packenv.io.rows import row_key
 from packenv.planning.options import PlanOptions
 from packenv.sim.disturbance import Disturbance
@@ -206,4 +207,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(reported("experiments.execution", main))

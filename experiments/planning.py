@@ -24,6 +24,7 @@ from experiments.runs import finish, order_options
 from packenv import api
 from packenv.cli import planning_options
 from packenv.commands.pack import options_from
+from packenv.commands.reporting import reported
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
@@ -209,4 +210,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(reported("experiments.planning", main))

@@ -45,6 +45,7 @@ from experiments.physics_orders import BOX, CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.carrying_out import execute
+from packenv.commands.reporting import reported
 from packenv.sim.plan_tasks import task_of
 
 MUJOCO = MujocoConfig()
@@ -113,4 +114,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(reported("experiments.second_engine", main))

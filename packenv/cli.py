@@ -10,6 +10,7 @@ import importlib
 import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 from packenv.commands.reporting import reported
 from packenv.planning.options import PRESETS, PlanOptions, rules
@@ -36,8 +37,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return reported("robotpack", work)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake in one line; argparse would print the whole usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with exit code 2."""
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="robotpack",
         description="Pack real, non-convex items into a box, check the plan and look at it.",
         epilog="Exit codes: 0 done, 1 something could not be packed or a check failed, 2 bad input.",
@@ -76,6 +85,11 @@ def _count(text: str) -> int:
     return value
 
 
+def number(text: str) -> float | str:
+    """A number, or the word ``none``."""
+    return "none" if text.lower() == "none" else float(text)
+
+
 def planning_options(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
     """Add a flag for every option of planning; what is not given is None.
 
@@ -89,7 +103,8 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
         "--preset",
         choices=tuple(PRESETS),
         default="default",
-        help="all options by one word: what measured best, or as the paper has them; single ones go before it "
+        help="all options by one word: what measured best, or as the paper has them; single options take "
+        "precedence "
         "(default: %(default)s)",
     )
     preset = PlanOptions()
@@ -102,7 +117,10 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
         text = rule.meaning + shown
         if name == "heuristic":
             words = f"{{{','.join(rule.words)}}}|MODULE:NAME"
-            text = "how candidates are ranked; an own rule as my_module:my_rule" + shown
+            text = (
+                "how candidates are ranked; your own as my_module:my_rule, looked for in this folder, too"
+                + shown
+            )
             parser.add_argument(flag, metavar=words, help=text)
         elif name == "seed":
             parser.add_argument(flag, type=_seed, metavar="N", help=text)
@@ -110,6 +128,8 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
             parser.add_argument(flag, choices=rule.words, help=text)
         elif rule.whole:
             parser.add_argument(flag, type=_count, metavar="N", help=text)
+        elif rule.optional:
+            parser.add_argument(flag, type=number, metavar="X|none", help=text)
         else:
             metavar = "METRES" if name == "clearance" else "X"
             parser.add_argument(flag, type=float, metavar=metavar, help=text)
@@ -139,7 +159,7 @@ def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> 
     parser.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
 
 
-def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     pack = commands.add_parser(
         "pack",
         help="plan the packing of an order",
@@ -167,7 +187,7 @@ def _add_pack(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     pack.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
-def _add_verify(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_verify(commands: argparse._SubParsersAction[Any]) -> None:
     verify = commands.add_parser(
         "verify",
         help="audit a plan from the meshes",
@@ -181,7 +201,7 @@ def _add_verify(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     verify.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
-def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_view(commands: argparse._SubParsersAction[Any]) -> None:
     view = commands.add_parser("view", help="write a page, picture, animation or 3D file of a plan")
     view.set_defaults(module="view")
     view.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
@@ -196,7 +216,7 @@ def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     _catalogue_options(view, None)
 
 
-def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
     execute = commands.add_parser(
         "execute",
         help="carry a plan out in physics",
@@ -254,7 +274,7 @@ def _add_execute(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     execute.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
-def _add_items(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_items(commands: argparse._SubParsersAction[Any]) -> None:
     items = commands.add_parser("items", help="check or prepare the items of a catalogue")
     actions = items.add_subparsers(metavar="ACTION", required=True)
     check = actions.add_parser("check", help="list every mesh and what is wrong with it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,14 +20,19 @@ SUFFIXES = (".html", ".htm", ".png", ".gif", ".glb")
 """What :func:`show` writes."""
 
 
-def check_suffix(path: Path, option: str = "show") -> None:
-    """Refuse a file name whose ending tells nothing, before any work is done.
+def check_suffix(path: Path | None, option: str = "show", kinds: Sequence[str] = SUFFIXES) -> None:
+    """Refuse a file name whose ending is wrong, before any work is done.
+
+    Args:
+        path: the file; None is no file.
+        option: what named it, for the message.
+        kinds: the right endings.
 
     Raises:
-        InputError: it is none of ``SUFFIXES``.
+        InputError: the ending is none of these.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        known = f"{', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}"
+    if path is not None and path.suffix.lower() not in kinds:
+        known = " or ".join((", ".join(kinds[:-1]), kinds[-1]) if len(kinds) > 1 else kinds)
         raise InputError(f"{option} {path}: unknown kind {path.suffix!r}, give a name that ends in {known}")
 
 

@@ -18,7 +18,7 @@ from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs
 from packenv.plan_items import options_again
 from packenv.planning.options import PlanOptions
-from packenv.showing import show
+from packenv.showing import check_suffix, show
 from packenv.types import Plan
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs(outputs, arguments.plan)
     import packenv.sim  # noqa: F401  says before anything is loaded where there is no physics
 
+    check_suffix(arguments.html, "--html", (".html", ".htm"))
+    check_suffix(arguments.gif, "--gif", (".gif",))
     if arguments.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:

@@ -13,7 +13,7 @@ from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import PRESETS, PlanOptions, heuristic_label
 from packenv.planning_job import require_engine
-from packenv.showing import show
+from packenv.showing import check_suffix, show
 from packenv.types import Plan
 
 _OUTPUTS = ("out", "html", "png")
@@ -22,6 +22,8 @@ _OUTPUTS = ("out", "html", "png")
 def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
     check_outputs({f"--{name}": getattr(arguments, name) for name in _OUTPUTS}, arguments.order)
+    check_suffix(arguments.html, "--html", (".html", ".htm"))
+    check_suffix(arguments.png, "--png", (".png",))
     options = options_from(arguments)
     require_engine(options)
     catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit)
@@ -51,6 +53,7 @@ def options_from(arguments: argparse.Namespace) -> PlanOptions:
     """
     names = [f.name for f in fields(PlanOptions) if f.name != "grid"]
     given = {name: getattr(arguments, name) for name in names if getattr(arguments, name, None) is not None}
+    given = {name: None if value == "none" else value for name, value in given.items()}
     if "own_constraints" in given:
         given["own_constraints"] = tuple(given["own_constraints"])
     return PRESETS[arguments.preset](**given)

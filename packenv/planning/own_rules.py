@@ -63,9 +63,7 @@ class OwnHeuristic:
             )
             raise InputError(f"{what}: returned {found}, {right}")
         if scores.dtype.kind not in "fiu" or np.ma.isMaskedArray(scores) or not np.isfinite(scores).all():
-            raise InputError(
-                f"{self._what}: returned {scores.dtype} that are not all finite numbers, {right}"
-            )
+            raise InputError(f"{what}: returned {scores.dtype} that are not all finite numbers, {right}")
         return scores.astype(np.float64)
 
 
