@@ -359,7 +359,7 @@ def test_an_objection_to_everything_asks_nothing(shelf: ItemShelf) -> None:
     assert [p.item for p in packing.placements] == ["brick"]
     assert "can" not in {trial.oriented.item for trial, _ in judge.asked}
     (left,) = packing.leftovers
-    assert left.reason == "no-graspable-spot"
+    assert left.reason == "no-usable-orientation"
     orientations = len(shelf.prepared["can"].orientations) + sum(len(g) for g in _groups(shelf, "can"))
     assert left.rejections == {"orientation-objection": orientations}
 
