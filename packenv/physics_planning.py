@@ -237,7 +237,9 @@ def make_planner(
     return replace(planner, constraints=(*planner.constraints, strict), strategy=strategy)
 
 
-def make_spares(options: PlanOptions, items: PlanningItems, container: Container) -> tuple[Planner, ...]:
+def make_spares(
+    options: PlanOptions, items: PlanningItems, container: Container, *, margins: bool = False
+) -> tuple[Planner, ...]:
     """Planners to ask where the plan of the chosen one fails in rehearsal (:mod:`packenv.rehearsal`).
 
     The cautious rule knows places that no drop confirms, and asks a tenth of the time; what its plans are
@@ -248,9 +250,10 @@ def make_spares(options: PlanOptions, items: PlanningItems, container: Container
         options: how to plan.
         items: every item of the order.
         container: the box.
+        margins: as for :func:`packenv.planning.assembly.assemble`.
     """
     if options.stability != "physics":
         return ()
     brisk = replace(options, stability="cautious", restarts=min(options.restarts, 1))
     clear = (0.0,) if options.clearance == 0.0 else (options.clearance, 0.0)
-    return tuple(assemble(replace(brisk, clearance=c), items, container) for c in clear)
+    return tuple(assemble(replace(brisk, clearance=c), items, container, margins=margins) for c in clear)

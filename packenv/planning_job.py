@@ -94,7 +94,7 @@ class PlanningJob:
         """Planners to ask where the plan of the chosen one fails in rehearsal."""
         from packenv.physics_planning import make_spares
 
-        return make_spares(self.options, self.shelf, box)
+        return make_spares(self.options, self.shelf, box, margins=self.margins)
 
     def pack(self, box: Container, sequence: Sequence[str], *, give_up: bool = False) -> Packing:
         """Pack items, in sequence, into an empty container."""
