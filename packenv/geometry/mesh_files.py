@@ -36,9 +36,26 @@ def read_mesh_file(path: Path) -> RawMesh:
     Raises:
         MeshError: no such file, empty, too large, an archive, another format, or damaged.
     """
+    return parsed_mesh(path, file_bytes(path))
+
+
+def file_bytes(path: Path) -> bytes:
+    """The content of a mesh file.
+
+    Raises:
+        MeshError: no such file, empty, too large, or its name is that of an archive or another format.
+    """
+    _check_name(path, path.suffix.lower())
+    return _bytes(path)
+
+
+def parsed_mesh(path: Path, data: bytes) -> RawMesh:
+    """What :func:`read_mesh_file` makes of a file's bytes.
+
+    Raises:
+        MeshError: an archive, another format, or damaged.
+    """
     extension = path.suffix.lower()
-    _check_name(path, extension)
-    data = _bytes(path)
     kind = _kind(path, data) or extension
     # Numbers that are none, or overflow in a transform, are found when the points are checked.
     with np.errstate(all="ignore"):
@@ -71,7 +88,7 @@ def _bytes(path: Path) -> bytes:
             raise MeshError(
                 f"{path}: {size >> 20} MiB, the limit is {MAX_FILE_BYTES >> 20} MiB; decimate the mesh"
             )
-        return path.read_bytes()
+        return path.read_bytes().removeprefix(b"\xef\xbb\xbf")  # a text editor's mark of UTF-8
     except OSError as problem:
         raise MeshError(f"{path}: cannot be read ({problem.strerror})") from None
 

@@ -193,8 +193,8 @@ class TestScenes:
         assert found.vertices.mean(axis=0) == pytest.approx([1.0, 0.2, 0], abs=1e-6)
         assert np.ptp(found.vertices, axis=0) == pytest.approx([0.12, 0.2, 0.08], abs=1e-6)
 
-    def test_glb_fans_and_strips(self, tmp_path):
-        """A tetrahedron as one strip; an octahedron as two fans: 1/6 and 4/3 of the cube of the edge."""
+    def test_glb_strips_are_read_and_fans_refused(self, tmp_path):
+        """A tetrahedron as one strip: 1/6 of the cube of the edge."""
         path = tmp_path / "s.glb"
         corners = np.vstack([np.zeros(3), np.eye(3)]) * 0.06
         write_glb(path, corners, [([0, 2, 1, 3, 0, 2], 5)], [{"mesh": 0}])
@@ -202,10 +202,10 @@ class TestScenes:
         assert found.repairs == ()
         assert signed_volume(found.vertices, found.faces) == pytest.approx(0.06**3 / 6)
         tips = np.vstack([np.eye(3), -np.eye(3)]) * 0.06
-        write_glb(path, tips, [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)], [{"mesh": 0}])
-        found = load_mesh(path)
-        assert found.repairs == ()
-        assert signed_volume(found.vertices, found.faces) == pytest.approx(4 / 3 * 0.06**3)
+        fans = [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)]
+        write_glb(path, tips, fans, [{"mesh": 0}])
+        with pytest.raises(MeshError, match=r"s\.glb: triangle fans are not read; export"):
+            load_mesh(path)
 
     def test_glb_parts_below_a_camera_or_below_lines_are_there(self, tmp_path):
         path = tmp_path / "s.glb"
