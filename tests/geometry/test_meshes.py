@@ -62,6 +62,33 @@ def test_every_format_gives_the_same_solid(kind, shape, tmp_path):
     assert found.vertices.max(axis=0) == pytest.approx(mesh.bounds[1], abs=1e-7)
 
 
+@pytest.mark.parametrize("name", ["vase facet v2", "vertex 1 2 3", "facet", "endfacet", "solid", "3 vertex"])
+@pytest.mark.parametrize("end", ["endsolid", "end solid", "EndSolid"])
+def test_the_name_in_a_text_stl_may_hold_any_word(name, end, tmp_path):
+    text = block().export(file_type="stl_ascii")
+    lines = [f"solid {name}", *text.splitlines()[1:-1], f"{end} {name}"]
+    for newline in ("\n", "\r\n", "\r"):
+        path = tmp_path / "a.stl"
+        path.write_bytes(newline.join(lines).encode())
+        assert len(load_mesh(path).faces) == 12
+
+
+@pytest.mark.parametrize("kind", ["stl_ascii", "obj", "off", "ply_ascii"])
+def test_a_mark_of_utf8_is_passed_over(kind, tmp_path):
+    path = export(block(), kind, tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(load_mesh(path).faces) == 12
+
+
+def test_a_binary_stl_may_begin_with_solid_and_end_in_more(tmp_path):
+    data = block().export(file_type="stl")
+    path = tmp_path / "a.stl"
+    path.write_bytes(b"solid facet".ljust(80) + data[80:] + b"a trailer")
+    found = load_mesh(path)
+    assert len(found.faces) == 12
+    assert found.notes == ("9 bytes after the last triangle were ignored",)
+
+
 @pytest.mark.parametrize("suffix", ["ply", "obj", "off"])
 def test_a_sound_file_keeps_its_very_numbers(suffix, tmp_path):
     vertices, faces = arrays(cup())

@@ -23,6 +23,7 @@ from packenv.geometry.readers.scene import ScenePart, joined
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
+_MAX_DEPTH = 32
 _MAX_NODES = 10_000
 
 
@@ -118,19 +119,20 @@ def _checked(path: Path, document: dict[str, Any]) -> tuple[int, int, int]:
     nodes = document.get("nodes", [])
     below = {child for node in nodes for child in node.get("children", [])}
     scenes = document.setdefault("scenes", [{"nodes": [k for k in range(len(nodes)) if k not in below]}])
-    pending = list(scenes[_natural(document.get("scene", 0))].get("nodes", []))
+    pending = [(k, 0) for k in scenes[_natural(document.get("scene", 0))].get("nodes", [])]
     seen: set[int] = set()
     total = np.zeros(3, dtype=np.int64)
     while pending:
-        k = _natural(pending.pop())
-        if k in seen or len(seen) == _MAX_NODES:
+        k, depth = pending.pop()
+        # trimesh takes a time that grows with the cube of the depth.
+        if k in seen or depth > _MAX_DEPTH or len(seen) == _MAX_NODES:
             raise MeshError(
-                f"{path}: damaged GLB file, its nodes are more than {_MAX_NODES:,}, placed twice "
-                "or nested in a circle"
+                f"{path}: damaged GLB file, its nodes are more than {_MAX_NODES:,}, deeper than {_MAX_DEPTH}, "
+                "placed twice or nested in a circle"
             )
         seen.add(k)
-        node = nodes[k]
-        pending += node.get("children", [])
+        node = nodes[_natural(k)]
+        pending += [(child, depth + 1) for child in node.get("children", [])]
         node.pop("camera", None)
         if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
             raise MeshError(
