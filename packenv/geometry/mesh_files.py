@@ -24,23 +24,11 @@ _ARCHIVE_STARTS = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"7z\xbc\xaf\x27\x1c", 
 _FORMATS = ", ".join(e[1:] for e in EXTENSIONS)
 
 
-def read_mesh_file(path: Path) -> RawMesh:
-    """Read a mesh file as it is, nothing mended.
+def file_bytes(path: Path) -> bytes:
+    """The content of a mesh file.
 
     Args:
         path: an stl, obj, ply, off, glb or 3mf file.
-
-    Returns:
-        Its content, in the file's unit. A note says where content and extension do not agree.
-
-    Raises:
-        MeshError: no such file, empty, too large, an archive, another format, or damaged.
-    """
-    return parsed_mesh(path, file_bytes(path))
-
-
-def file_bytes(path: Path) -> bytes:
-    """The content of a mesh file.
 
     Raises:
         MeshError: no such file, empty, too large, or its name is that of an archive or another format.
@@ -50,7 +38,14 @@ def file_bytes(path: Path) -> bytes:
 
 
 def parsed_mesh(path: Path, data: bytes) -> RawMesh:
-    """What :func:`read_mesh_file` makes of a file's bytes.
+    """Read a mesh file as it is, nothing mended.
+
+    Args:
+        path: named in messages, and what its name says of the format.
+        data: from :func:`file_bytes`.
+
+    Returns:
+        Its content, in the file's unit. A note says where content and extension do not agree.
 
     Raises:
         MeshError: an archive, another format, or damaged.
