@@ -281,6 +281,19 @@ class TestScenes:
         assert found.vertices.min(axis=0) == pytest.approx([-0.015, -0.014, 0.002])
         assert found.vertices.max(axis=0) == pytest.approx([0.115, 0.026, 0.012])
 
+    def test_3mf_whose_relations_name_the_model(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        model = model_3mf("millimeter", [object_3mf(1, block(40, 20, 10))], ['<item objectid="1"/>'])
+        kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+        relations = (
+            '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+            f'<Relationship Target="/3D/Main.model" Id="r" Type="{kind}"/></Relationships>'
+        )
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("_rels/.rels", relations)
+            archive.writestr("3D/Main.model", model)
+        assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.04, 0.02, 0.01])
+
     def test_3mf_objects_of_other_model_files(self, tmp_path):
         path = tmp_path / "a.3mf"
         production = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"

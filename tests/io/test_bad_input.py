@@ -7,6 +7,7 @@ import io
 import json
 import struct
 import tarfile
+import time
 import zipfile
 
 import numpy as np
@@ -231,7 +232,7 @@ class TestTooLarge:
     def test_3mf_of_countless_tags(self, tmp_path):
         path = tmp_path / "a.3mf"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            archive.writestr("3D/3dmodel.model", b"<model>" + b"<a/>" * 8_000_001 + b"</model>")
+            archive.writestr("3D/3dmodel.model", b"<model>" + b"<a/>" * 4_100_001 + b"</model>")
         assert path.stat().st_size < 2**20
         refused(lambda: load_mesh(path), path, "XML tags", error=MeshError)
 
@@ -521,6 +522,38 @@ class TestContent:
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("3D/3dmodel.model", '<!DOCTYPE x [<!ENTITY a "b">]><model>&a;</model>')
         refused(lambda: load_mesh(path), path, "entities", error=MeshError)
+
+    def test_3mf_that_is_not_in_utf8(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(
+                "3D/3dmodel.model", '<!DOCTYPE x [<!ENTITY a "b">]><model>&a;</model>'.encode("utf-16")
+            )
+        refused(lambda: load_mesh(path), path, "UTF-8", error=MeshError)
+
+    def test_3mf_that_places_a_mesh_very_often(self, tmp_path):
+        """A few kilobytes: 40,000 vertices placed 9,000 times."""
+        path = tmp_path / "a.3mf"
+        points = '<vertex x="1" y="2" z="3"/>' * 40_000
+        items = '<item objectid="1"/>' * 9_000
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(
+                "3D/3dmodel.model",
+                f'<model><resources><object id="1"><mesh><vertices>{points}</vertices></mesh></object>'
+                f"</resources><build>{items}</build></model>",
+            )
+        start = time.process_time()
+        refused(lambda: load_mesh(path), path, "3,040,000 vertices", error=MeshError)
+        assert time.process_time() - start < 5
+
+    def test_3mf_of_a_zip_version_that_is_not_known(self, tmp_path):
+        data = bytearray(good("3mf"))
+        for k in range(len(data) - 4):
+            if data[k : k + 4] == b"PK\x01\x02":
+                data[k + 6] = 105
+        path = tmp_path / "a.3mf"
+        path.write_bytes(data)
+        refused(lambda: load_mesh(path), path, "damaged", error=MeshError)
 
     def test_3mf_with_components_in_a_circle(self, tmp_path):
         path = tmp_path / "a.3mf"
