@@ -24,21 +24,33 @@ _ARCHIVE_STARTS = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"7z\xbc\xaf\x27\x1c", 
 _FORMATS = ", ".join(e[1:] for e in EXTENSIONS)
 
 
-def read_mesh_file(path: Path) -> RawMesh:
-    """Read a mesh file as it is, nothing mended.
+def file_bytes(path: Path) -> bytes:
+    """The content of a mesh file.
 
     Args:
         path: an stl, obj, ply, off, glb or 3mf file.
+
+    Raises:
+        MeshError: no such file, empty, too large, or its name is that of an archive or another format.
+    """
+    _check_name(path, path.suffix.lower())
+    return _bytes(path)
+
+
+def parsed_mesh(path: Path, data: bytes) -> RawMesh:
+    """Read a mesh file as it is, nothing mended.
+
+    Args:
+        path: named in messages, and what its name says of the format.
+        data: from :func:`file_bytes`.
 
     Returns:
         Its content, in the file's unit. A note says where content and extension do not agree.
 
     Raises:
-        MeshError: no such file, empty, too large, an archive, another format, or damaged.
+        MeshError: an archive, another format, or damaged.
     """
     extension = path.suffix.lower()
-    _check_name(path, extension)
-    data = _bytes(path)
     kind = _kind(path, data) or extension
     # Numbers that are none, or overflow in a transform, are found when the points are checked.
     with np.errstate(all="ignore"):
@@ -71,7 +83,7 @@ def _bytes(path: Path) -> bytes:
             raise MeshError(
                 f"{path}: {size >> 20} MiB, the limit is {MAX_FILE_BYTES >> 20} MiB; decimate the mesh"
             )
-        return path.read_bytes()
+        return path.read_bytes().removeprefix(b"\xef\xbb\xbf")  # a text editor's mark of UTF-8
     except OSError as problem:
         raise MeshError(f"{path}: cannot be read ({problem.strerror})") from None
 
@@ -114,7 +126,7 @@ def _is_threemf(data: bytes) -> bool:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return any(name.lower().lstrip("/") == ROOT_MODEL for name in archive.namelist())
-    except (zipfile.BadZipFile, ValueError):
+    except (zipfile.BadZipFile, NotImplementedError, ValueError):
         return False
 
 

@@ -10,10 +10,13 @@ import numpy as np
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
-from packenv.geometry.mesh_files import read_mesh_file
+from packenv.geometry.mesh_files import file_bytes, parsed_mesh
 from packenv.geometry.readers.raw import RawMesh, check_points
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
+
+FORMAT = 1
+"""Raise this when reading or mending changes: meshes that are kept in another format are read anew."""
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 """Units that a mesh may be in, as metres."""
@@ -62,7 +65,7 @@ def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
     """
     path = Path(path)
     check_unit(unit)
-    return solid_mesh(path, read_mesh_file(path), unit)
+    return solid_mesh(path, parsed_mesh(path, file_bytes(path)), unit)
 
 
 def check_unit(unit: str | None) -> None:

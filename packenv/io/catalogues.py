@@ -9,8 +9,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from packenv.errors import CatalogueError
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
-from packenv.geometry.meshes import UNITS, check_unit, load_mesh, make_item
+from packenv.geometry.meshes import UNITS, check_unit, make_item
 from packenv.io.assets import assets_dir
+from packenv.io.mesh_cache import kept_mesh
 from packenv.io.tables import Row, read_table, read_text
 from packenv.types import Item
 
@@ -85,7 +86,7 @@ class Catalogue:
         """
         if name not in self._items:
             entry = self._entry(name)
-            mesh = load_mesh(self.folder / entry.file, unit=entry.unit)
+            mesh = kept_mesh(self.folder / entry.file, entry.unit)
             self._items[name] = make_item(name, mesh, file=entry.file, mass=entry.mass)
         return self._items[name]
 

@@ -3,43 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import os
-import sys
-import zipfile
-import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM, GridConfig
-from packenv.errors import InputError
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT, ConvexParts, convex_parts, envelope
 from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT, SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.io.files import write_whole
+from packenv.io.cache_files import default_folder, read_arrays, write_arrays
 from packenv.types import Item, OrientedItem, StablePose
-
-T = TypeVar("T")
 
 _FORMAT = 1
 """Raise this when poses or heightmaps change: files of another format are never read."""
-
-
-def default_folder() -> Path:
-    """The cache folder: ``ROBOTPACK_CACHE``, else the platform's cache folder for the user."""
-    if named := os.environ.get("ROBOTPACK_CACHE"):
-        return Path(named)
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "robotpack"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "robotpack"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "robotpack"
 
 
 class ItemCache:
@@ -64,7 +44,7 @@ class ItemCache:
 
     def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
         """Read a prepared item; None where there is none that can be used."""
-        return _read(
+        return read_arrays(
             self.path(item, grid), lambda a: _unpack(item, grid, a["poses"], a["orientations"], a["maps"])
         )
 
@@ -75,7 +55,9 @@ class ItemCache:
             InputError: the cache folder cannot be written.
         """
         poses, orientations, maps = _pack(prepared)
-        self._write(self.path(item, grid), {"poses": poses, "orientations": orientations, "maps": maps})
+        write_arrays(
+            self.folder, self.path(item, grid), {"poses": poses, "orientations": orientations, "maps": maps}
+        )
 
     def surface_field(self, item: Item) -> SurfaceField:
         """Read an item's surface field, or make and keep it.
@@ -84,10 +66,10 @@ class ItemCache:
             InputError: the cache folder cannot be written.
         """
         path = self.field_path(item)
-        field = _read(path, SurfaceField.from_arrays)
+        field = read_arrays(path, SurfaceField.from_arrays)
         if field is None:
             field = SurfaceField.of_item(item)
-            self._write(path, field.to_arrays())
+            write_arrays(self.folder, path, field.to_arrays())
         return field
 
     def parts(self, item: Item) -> ConvexParts:
@@ -97,10 +79,10 @@ class ItemCache:
             InputError: the cache folder cannot be written.
         """
         path = self.parts_path(item)
-        parts = _read(path, _unpack_parts)
+        parts = read_arrays(path, _unpack_parts)
         if parts is None:
             parts = convex_parts(item)
-            self._write(path, _pack_parts(parts))
+            write_arrays(self.folder, path, _pack_parts(parts))
         return parts
 
     def envelope(self, item: Item, parts: ConvexParts) -> Item:
@@ -114,24 +96,13 @@ class ItemCache:
         for part in parts.parts:
             recipe.update(np.ascontiguousarray(part).tobytes())
         path = self.folder / "envelopes" / f"{recipe.hexdigest()[:40]}.npz"
-        known = _read(path, lambda a: (a["vertices"], a["faces"]))
+        known = read_arrays(path, lambda a: (a["vertices"], a["faces"]))
         if known is None:
             united = envelope(item, parts)
-            self._write(path, {"vertices": united.vertices, "faces": united.faces})
+            write_arrays(self.folder, path, {"vertices": united.vertices, "faces": united.faces})
             known = united.vertices, united.faces
         vertices, faces = known
         return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
-
-    def _write(self, path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-        stream = io.BytesIO()
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, stream.getvalue())
-        except (OSError, InputError):
-            raise InputError(
-                f"cache folder {self.folder} cannot be written; set ROBOTPACK_CACHE to a folder that can"
-            ) from None
 
     def prepare(self, item: Item, grid: GridConfig) -> PreparedItem:
         """Read a prepared item, or make and keep it."""
@@ -140,15 +111,6 @@ class ItemCache:
             prepared = prepare_item(item, grid)
             self.put(item, grid, prepared)
         return prepared
-
-
-def _read(path: Path, build: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:
-    """What ``build`` makes of a file's arrays, or None where the file is missing, torn or foreign."""
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            return build(stored)
-    except (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
-        return None
 
 
 def _pack_parts(parts: ConvexParts) -> dict[str, np.ndarray]:

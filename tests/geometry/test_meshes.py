@@ -62,6 +62,33 @@ def test_every_format_gives_the_same_solid(kind, shape, tmp_path):
     assert found.vertices.max(axis=0) == pytest.approx(mesh.bounds[1], abs=1e-7)
 
 
+@pytest.mark.parametrize("name", ["vase facet v2", "vertex 1 2 3", "facet", "endfacet", "solid", "3 vertex"])
+@pytest.mark.parametrize("end", ["endsolid", "end solid", "EndSolid"])
+def test_the_name_in_a_text_stl_may_hold_any_word(name, end, tmp_path):
+    text = block().export(file_type="stl_ascii")
+    lines = [f"solid {name}", *text.splitlines()[1:-1], f"{end} {name}"]
+    for newline in ("\n", "\r\n", "\r"):
+        path = tmp_path / "a.stl"
+        path.write_bytes(newline.join(lines).encode())
+        assert len(load_mesh(path).faces) == 12
+
+
+@pytest.mark.parametrize("kind", ["stl_ascii", "obj", "off", "ply_ascii"])
+def test_a_mark_of_utf8_is_passed_over(kind, tmp_path):
+    path = export(block(), kind, tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(load_mesh(path).faces) == 12
+
+
+def test_a_binary_stl_may_begin_with_solid_and_end_in_more(tmp_path):
+    data = block().export(file_type="stl")
+    path = tmp_path / "a.stl"
+    path.write_bytes(b"solid facet".ljust(80) + data[80:] + b"a trailer")
+    found = load_mesh(path)
+    assert len(found.faces) == 12
+    assert found.notes == ("9 bytes after the last triangle were ignored",)
+
+
 @pytest.mark.parametrize("suffix", ["ply", "obj", "off"])
 def test_a_sound_file_keeps_its_very_numbers(suffix, tmp_path):
     vertices, faces = arrays(cup())
@@ -193,8 +220,8 @@ class TestScenes:
         assert found.vertices.mean(axis=0) == pytest.approx([1.0, 0.2, 0], abs=1e-6)
         assert np.ptp(found.vertices, axis=0) == pytest.approx([0.12, 0.2, 0.08], abs=1e-6)
 
-    def test_glb_fans_and_strips(self, tmp_path):
-        """A tetrahedron as one strip; an octahedron as two fans: 1/6 and 4/3 of the cube of the edge."""
+    def test_glb_strips_are_read_and_fans_refused(self, tmp_path):
+        """A tetrahedron as one strip: 1/6 of the cube of the edge."""
         path = tmp_path / "s.glb"
         corners = np.vstack([np.zeros(3), np.eye(3)]) * 0.06
         write_glb(path, corners, [([0, 2, 1, 3, 0, 2], 5)], [{"mesh": 0}])
@@ -202,10 +229,10 @@ class TestScenes:
         assert found.repairs == ()
         assert signed_volume(found.vertices, found.faces) == pytest.approx(0.06**3 / 6)
         tips = np.vstack([np.eye(3), -np.eye(3)]) * 0.06
-        write_glb(path, tips, [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)], [{"mesh": 0}])
-        found = load_mesh(path)
-        assert found.repairs == ()
-        assert signed_volume(found.vertices, found.faces) == pytest.approx(4 / 3 * 0.06**3)
+        fans = [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)]
+        write_glb(path, tips, fans, [{"mesh": 0}])
+        with pytest.raises(MeshError, match=r"s\.glb: triangle fans are not read; export"):
+            load_mesh(path)
 
     def test_glb_parts_below_a_camera_or_below_lines_are_there(self, tmp_path):
         path = tmp_path / "s.glb"
@@ -253,6 +280,19 @@ class TestScenes:
         # The second copy is turned by 90° about z, then moved: 20 wide in x about x = 105.
         assert found.vertices.min(axis=0) == pytest.approx([-0.015, -0.014, 0.002])
         assert found.vertices.max(axis=0) == pytest.approx([0.115, 0.026, 0.012])
+
+    def test_3mf_whose_relations_name_the_model(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        model = model_3mf("millimeter", [object_3mf(1, block(40, 20, 10))], ['<item objectid="1"/>'])
+        kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+        relations = (
+            '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+            f'<Relationship Target="/3D/Main.model" Id="r" Type="{kind}"/></Relationships>'
+        )
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("_rels/.rels", relations)
+            archive.writestr("3D/Main.model", model)
+        assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.04, 0.02, 0.01])
 
     def test_3mf_objects_of_other_model_files(self, tmp_path):
         path = tmp_path / "a.3mf"

@@ -7,6 +7,7 @@ import io
 import json
 import struct
 import tarfile
+import time
 import zipfile
 
 import numpy as np
@@ -231,7 +232,7 @@ class TestTooLarge:
     def test_3mf_of_countless_tags(self, tmp_path):
         path = tmp_path / "a.3mf"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            archive.writestr("3D/3dmodel.model", b"<model>" + b"<a/>" * 8_000_001 + b"</model>")
+            archive.writestr("3D/3dmodel.model", b"<model>" + b"<a/>" * 4_100_001 + b"</model>")
         assert path.stat().st_size < 2**20
         refused(lambda: load_mesh(path), path, "XML tags", error=MeshError)
 
@@ -248,6 +249,42 @@ class TestContent:
         path = write_obj(tmp_path / "a.obj", vertices, faces)
         path.write_text(path.read_text() + f"f 1 2 {index}\n")
         refused(lambda: load_mesh(path), path, "line 21", error=MeshError)
+
+    @pytest.mark.parametrize(
+        "rows", [{4: "0 0"}, {4: "0 0 0 0"}, {8: "2 0 1"}, {8: "4 0 1 2"}, {8: "2 0 1 2"}]
+    )
+    def test_ply_rows_of_a_wrong_length(self, rows, tmp_path):
+        path = write_ply(tmp_path / "a.ply", *arrays(block()))
+        lines = path.read_text().splitlines()
+        start = lines.index("end_header") + 1
+        for k, text in rows.items():
+            lines[start + k] = text
+        path.write_text("\n".join(lines))
+        refused(lambda: load_mesh(path), path, error=MeshError)
+
+    def test_binary_ply_with_another_list_of_the_same_total(self, tmp_path):
+        """Lists of 3, 4 and 2 corners are as long as three triangles."""
+        vertices = np.array(block().vertices, dtype="<f8")
+        header = (
+            "ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty double x\nproperty double y\n"
+            "property double z\nelement face 3\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+        faces = struct.pack("<B3iB4iB2i", 3, 0, 1, 2, 4, 0, 1, 2, 3, 2, 4, 5)
+        path = tmp_path / "a.ply"
+        path.write_bytes(header.encode() + vertices.tobytes() + faces)
+        refused(lambda: load_mesh(path), path, "a face has 2 vertices", error=MeshError)
+
+    def test_stl_that_holds_more_than_it_announces(self, tmp_path):
+        data = bytearray(good("stl"))
+        data[80:84] = struct.pack("<I", struct.unpack_from("<I", data, 80)[0] - 1)
+        path = tmp_path / "a.stl"
+        path.write_bytes(data)
+        refused(lambda: load_mesh(path), path, "announces", error=MeshError)
+
+    def test_ply_of_triangle_strips(self, tmp_path):
+        path = write_ply(tmp_path / "a.ply", *arrays(block()))
+        path.write_text(path.read_text().replace("element face", "element tristrips"))
+        refused(lambda: load_mesh(path), path, "tristrips", error=MeshError)
 
     @pytest.mark.parametrize("suffix", ["ply", "off"])
     @pytest.mark.parametrize("index", [8, -1, 2**40])
@@ -374,7 +411,10 @@ class TestContent:
             ({"extensionsRequired": ["X" * 2000]}, "XXX..."),
             ({"nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}]}, "circle"),
             ({"accessors": []}, "damaged"),
-            ({"bufferViews": [{"buffer": 0, "byteOffset": 10**9, "byteLength": 9}] * 9}, "beyond the end"),
+            (
+                {"bufferViews": [{"buffer": 0, "byteOffset": 10**9, "byteLength": 9}] * 9},
+                "truncated or damaged",
+            ),
             ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}]}, "no faces"),
             ({"scenes": [{"nodes": []}]}, "no faces"),
         ],
@@ -397,7 +437,7 @@ class TestContent:
             ("accessors", {"bufferView": None}, "damaged"),
             ("accessors", {"count": -1}, "-1"),
             ("accessors", {"count": 10**10}, "the limit is"),
-            ("accessors", {"byteOffset": 10**10}, "beyond the end"),
+            ("accessors", {"byteOffset": 10**10}, "truncated or damaged"),
             ("bufferViews", {"byteOffset": -4}, "-4"),
             ("nodes", {"mesh": -1}, "-1"),
             ("nodes", {"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, None, 0, 0, 0, 0, 1]}, "finite"),
@@ -410,6 +450,24 @@ class TestContent:
         size = struct.unpack_from("<I", data, 12)[0]
         rows = json.loads(data[20 : 20 + size])[table]
         self.test_glb_that_cannot_be_read({table: [row | change for row in rows]}, word, tmp_path)
+
+    def test_glb_nested_deeper_than_can_be_read_in_time(self, tmp_path):
+        nodes = [{"children": [k + 1]} for k in range(3000)] + [{"mesh": 0}]
+        change = {"nodes": nodes, "scenes": [{"nodes": [0]}]}
+        self.test_glb_that_cannot_be_read(change, "deeper than", tmp_path)
+
+    @pytest.mark.parametrize(
+        ("change", "word"),
+        [({"skin": 0}, "skin"), ({"extensions": {"EXT_mesh_gpu_instancing": {}}}, "EXT_mesh_gpu_instancing")],
+    )
+    def test_glb_nodes_that_change_what_they_hold(self, change, word, tmp_path):
+        self.test_glb_that_cannot_be_read({"nodes": [{"mesh": 0} | change]}, word, tmp_path)
+
+    def test_glb_that_expands_to_too_much(self, tmp_path):
+        """A small file: one mesh of 768 vertices under many nodes."""
+        nodes = [{"mesh": 0}] * 8000
+        change = {"nodes": nodes, "scenes": [{"nodes": list(range(8000))}]}
+        self.test_glb_that_cannot_be_read(change, "the limit is", tmp_path)
 
     def test_glb_without_data(self, tmp_path):
         data = good("glb")
@@ -464,6 +522,38 @@ class TestContent:
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("3D/3dmodel.model", '<!DOCTYPE x [<!ENTITY a "b">]><model>&a;</model>')
         refused(lambda: load_mesh(path), path, "entities", error=MeshError)
+
+    def test_3mf_that_is_not_in_utf8(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(
+                "3D/3dmodel.model", '<!DOCTYPE x [<!ENTITY a "b">]><model>&a;</model>'.encode("utf-16")
+            )
+        refused(lambda: load_mesh(path), path, "UTF-8", error=MeshError)
+
+    def test_3mf_that_places_a_mesh_very_often(self, tmp_path):
+        """A few kilobytes: 40,000 vertices placed 9,000 times."""
+        path = tmp_path / "a.3mf"
+        points = '<vertex x="1" y="2" z="3"/>' * 40_000
+        items = '<item objectid="1"/>' * 9_000
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(
+                "3D/3dmodel.model",
+                f'<model><resources><object id="1"><mesh><vertices>{points}</vertices></mesh></object>'
+                f"</resources><build>{items}</build></model>",
+            )
+        start = time.process_time()
+        refused(lambda: load_mesh(path), path, "3,040,000 vertices", error=MeshError)
+        assert time.process_time() - start < 5
+
+    def test_3mf_of_a_zip_version_that_is_not_known(self, tmp_path):
+        data = bytearray(good("3mf"))
+        for k in range(len(data) - 4):
+            if data[k : k + 4] == b"PK\x01\x02":
+                data[k + 6] = 105
+        path = tmp_path / "a.3mf"
+        path.write_bytes(data)
+        refused(lambda: load_mesh(path), path, "damaged", error=MeshError)
 
     def test_3mf_with_components_in_a_circle(self, tmp_path):
         path = tmp_path / "a.3mf"

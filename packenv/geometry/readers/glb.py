@@ -1,4 +1,10 @@
-"""Binary glTF 2.0 (GLB): the triangles of the scene, placed by its nodes. Its unit is the metre."""
+"""Binary glTF 2.0 (GLB): the triangles of the scene, placed by its nodes, by trimesh. Its unit is the metre.
+
+trimesh leaves out parts that hang on a camera or on lines, or whose transform holds NaN, takes sparse and
+missing data for zeros and negative numbers for others, and passes over fans and instancing. So what counts
+in the scene's description is checked, the rest taken out, and what the nodes announce is held against what
+trimesh finds.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from packenv.errors import MeshError
+from packenv.geometry.readers.by_trimesh import by_trimesh
 from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_indices
 from packenv.geometry.readers.scene import ScenePart, joined
-from packenv.types import FloatArray, IntArray
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
-_MAX_DEPTH = 64
+_MAX_DEPTH = 32
 _MAX_NODES = 10_000
 
 
@@ -39,11 +42,27 @@ def read_glb(path: Path, data: bytes) -> RawMesh:
     """
     document, binary = _chunks(path, data)
     try:
-        return _Reader(path, document, binary).read()
+        n_vertices, n_faces, skipped = _checked(path, document)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as problem:
         raise MeshError(
             f"{path}: damaged GLB file ({type(problem).__name__}: {brief(problem)}); export it again"
         ) from None
+    parts: list[ScenePart] = []
+    if n_faces:
+        scene = by_trimesh(path, "glb", _packed(document, binary), skip_materials=True)
+        for node in scene.graph.nodes_geometry:
+            transform, name = scene.graph[node]
+            mesh = scene.geometry[name]
+            check_indices(path, mesh.faces, len(mesh.vertices))
+            parts.append(ScenePart(np.asarray(mesh.vertices), np.asarray(mesh.faces), transform))
+    notes = (f"{skipped} sets of points or lines were ignored",) if skipped else ()
+    raw = joined(path, parts, metres=1.0, notes=notes)
+    if n_faces and (len(raw.vertices), len(raw.faces)) != (n_vertices, n_faces):
+        raise MeshError(
+            f"{path}: damaged GLB file, it announces {n_faces:,} faces and {len(raw.faces):,} are there; "
+            "export it again"
+        )
+    return raw
 
 
 def _chunks(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -71,91 +90,94 @@ def _chunks(path: Path, data: bytes) -> tuple[dict[str, Any], bytes]:
     return document, chunks.get(_BIN, b"")
 
 
-class _Reader:
-    def __init__(self, path: Path, document: dict[str, Any], binary: bytes) -> None:
-        self.path = path
-        self.document = document
-        self.binary = binary
-        self.skipped = 0
-        self.visited = 0
+def _packed(document: dict[str, Any], binary: bytes) -> bytes:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    head = struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + len(binary), len(text), _JSON)
+    return head + text + struct.pack("<II", len(binary), _BIN) + binary
 
-    def read(self) -> RawMesh:
-        self._check_supported()
-        document = self.document
-        scenes = document.get("scenes", [])
-        nodes = document.get("nodes", [])
-        roots = scenes[_natural(document.get("scene", 0))].get("nodes", []) if scenes else range(len(nodes))
-        parts: list[ScenePart] = []
-        for root in roots:
-            self._visit(root, np.eye(4), parts, 0)
-        notes = (f"{self.skipped} sets of points or lines were ignored",) if self.skipped else ()
-        return joined(self.path, parts, metres=1.0, notes=notes)
 
-    def _check_supported(self) -> None:
-        for name in self.document.get("extensionsRequired", []):
-            if not str(name).startswith(_HARMLESS):
-                raise MeshError(
-                    f"{self.path}: needs the glTF extension {brief(name)}; export it without compression"
-                )
-        if any("uri" in buffer for buffer in self.document.get("buffers", [])):
-            raise MeshError(f"{self.path}: keeps its data in another file; export one self-contained GLB")
+def _checked(path: Path, document: dict[str, Any]) -> tuple[int, int, int]:
+    """Vertices, faces and sets of points or lines that the scene announces, counted before it is expanded.
 
-    def _visit(self, index: int, parent: FloatArray, parts: list[ScenePart], depth: int) -> None:
-        self.visited += 1
-        if depth > _MAX_DEPTH or self.visited > _MAX_NODES:
+    What trimesh would trip over, and what plays no part, is taken out of the description.
+
+    Raises:
+        MeshError: something that trimesh would not read, or read wrongly.
+    """
+    for name in document.get("extensionsRequired", []):
+        if not str(name).startswith(_HARMLESS):
+            raise MeshError(f"{path}: needs the glTF extension {brief(name)}; export it without compression")
+    if any("uri" in buffer for buffer in document.get("buffers", [])):
+        raise MeshError(f"{path}: keeps its data in another file; export one self-contained GLB")
+    for row in [*document.get("accessors", []), *document.get("bufferViews", [])]:
+        for key in ("count", "bufferView", "byteOffset", "byteLength", "byteStride", "buffer"):
+            _natural(row.get(key, 0))
+        check_counts(path, vertices=row.get("count", 0))
+    sizes = [_mesh(path, document["accessors"], mesh) for mesh in document.get("meshes", [])]
+    nodes = document.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    scenes = document.setdefault("scenes", [{"nodes": [k for k in range(len(nodes)) if k not in below]}])
+    pending = [(k, 0) for k in scenes[_natural(document.get("scene", 0))].get("nodes", [])]
+    seen: set[int] = set()
+    total = np.zeros(3, dtype=np.int64)
+    while pending:
+        k, depth = pending.pop()
+        # trimesh takes a time that grows with the cube of the depth.
+        if k in seen or depth > _MAX_DEPTH or len(seen) == _MAX_NODES:
             raise MeshError(
-                f"{self.path}: damaged GLB file, its nodes are more than {_MAX_NODES:,} or nested in a circle"
+                f"{path}: damaged GLB file, its nodes are more than {_MAX_NODES:,}, deeper than {_MAX_DEPTH}, "
+                "placed twice or nested in a circle"
             )
-        node = self.document["nodes"][_natural(index)]
-        transform = parent @ _local(node)
+        seen.add(k)
+        node = nodes[_natural(k)]
+        pending += [(child, depth + 1) for child in node.get("children", [])]
+        node.pop("camera", None)
+        if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+            raise MeshError(
+                f"{path}: needs the glTF extension EXT_mesh_gpu_instancing; export copies as nodes"
+            )
+        if "skin" in node:
+            raise MeshError(f"{path}: a skeleton poses it (glTF skin); export it with the pose applied")
+        for key in ("matrix", "translation", "rotation", "scale"):
+            if not np.isfinite(np.array(node.get(key, 0), dtype=np.float64)).all():
+                raise MeshError(f"{path}: the {key} of a node must hold finite numbers; export it again")
         if "mesh" in node:
-            for primitive in self.document["meshes"][_natural(node["mesh"])]["primitives"]:
-                part = self._part(primitive, transform)
-                if part is None:
-                    self.skipped += 1
-                else:
-                    parts.append(part)
-                    check_counts(self.path, faces=sum(len(p.faces) for p in parts))
-        for child in node.get("children", []):
-            self._visit(child, transform, parts, depth + 1)
+            size = sizes[_natural(node["mesh"])]
+            if not size[1]:
+                del node["mesh"]
+            total += size
+            check_counts(path, vertices=int(total[0]), faces=int(total[1]))
+    return int(total[0]), int(total[1]), int(total[2])
 
-    def _part(self, primitive: dict[str, Any], transform: FloatArray) -> ScenePart | None:
+
+def _mesh(path: Path, accessors: list[dict[str, Any]], mesh: dict[str, Any]) -> tuple[int, int, int]:
+    """As for the scene; only the triangles of the mesh are left in it."""
+    kept: list[dict[str, Any]] = []
+    vertices = faces = 0
+    for primitive in mesh["primitives"]:
         mode = primitive.get("mode", _TRIANGLES)
-        if mode not in (_TRIANGLES, _STRIP, _FAN):
-            return None
-        vertices = self._accessor(primitive["attributes"]["POSITION"]).astype(np.float64)
-        if vertices.ndim != 2:
-            raise ValueError("positions that are not VEC3")
+        if mode == _FAN:
+            raise MeshError(f"{path}: triangle fans are not read; export it as plain triangles")
+        if mode not in (_TRIANGLES, _STRIP):
+            continue
+        new = {"attributes": {"POSITION": primitive["attributes"]["POSITION"]}, "mode": mode}
+        used = [accessors[_natural(new["attributes"]["POSITION"])]]
         if "indices" in primitive:
-            corners = self._accessor(primitive["indices"]).astype(np.int64)
-        else:
-            corners = np.arange(len(vertices))
-        check_indices(self.path, corners, len(vertices))
-        return ScenePart(vertices, _triangles(corners, mode), transform)
-
-    def _accessor(self, index: int) -> NDArray[np.generic]:
-        accessor = self.document["accessors"][_natural(index)]
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise MeshError(f"{self.path}: sparse glTF data are not read; export it without them")
-        width = _WIDTHS[accessor["type"]]
-        dtype = np.dtype(_COMPONENTS[accessor["componentType"]])
-        count = _natural(accessor["count"])
-        check_counts(self.path, vertices=count if width == 3 else 0, faces=count // 3 if width == 1 else 0)
-        view = self.document["bufferViews"][_natural(accessor["bufferView"])]
-        stride = _natural(view.get("byteStride", 0)) or width * dtype.itemsize
-        start = _natural(view.get("byteOffset", 0)) + _natural(accessor.get("byteOffset", 0))
-        if count and start + stride * (count - 1) + width * dtype.itemsize > len(self.binary):
-            raise MeshError(
-                f"{self.path}: truncated or damaged, {count:,} values lie beyond the end of its data"
-            )
-        rows: NDArray[np.generic] = np.ndarray(
-            (count, width),
-            dtype,
-            buffer=self.binary,
-            offset=start if count else 0,
-            strides=(stride, dtype.itemsize),
-        )
-        return rows[:, 0] if width == 1 else rows
+            new["indices"] = primitive["indices"]
+            used.append(accessors[_natural(new["indices"])])
+        if any("sparse" in accessor or "bufferView" not in accessor for accessor in used):
+            raise MeshError(f"{path}: sparse glTF data are not read; export it without them")
+        if [accessor["type"] for accessor in used] != ["VEC3", "SCALAR"][: len(used)]:
+            raise ValueError("positions that are not VEC3, or indices that are not SCALAR")
+        corners = used[-1]["count"]
+        vertices += used[0]["count"]
+        faces += corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
+        kept.append(new)
+    skipped = len(mesh["primitives"]) - len(kept)
+    mesh["primitives"] = kept
+    return vertices, faces, skipped
 
 
 def _natural(value: Any) -> int:
@@ -163,33 +185,3 @@ def _natural(value: Any) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise ValueError(f"{value!r} where a natural number belongs")
     return value
-
-
-def _triangles(corners: IntArray, mode: int) -> IntArray:
-    if mode == _TRIANGLES:
-        if len(corners) % 3:
-            raise ValueError(f"{len(corners)} indices are not whole triangles")
-        return corners.reshape(-1, 3)
-    if mode == _FAN:
-        return np.stack(
-            [np.broadcast_to(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1
-        )
-    strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-    strip[1::2] = strip[1::2, ::-1]
-    return strip
-
-
-def _local(node: dict[str, Any]) -> FloatArray:
-    """(4, 4) transform of a node, from its matrix or its translation, rotation (xyzw) and scale."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
-    transform = np.eye(4)
-    transform[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    transform[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
-    transform[:3, 3] = node.get("translation", (0, 0, 0))
-    return transform

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from packenv.errors import MeshError
-from packenv.geometry.polygons import triangulated
-from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_points, numbers
+from packenv.geometry.readers.raw import RawMesh, brief, check_counts, numbers
+from packenv.geometry.readers.rows import cut
 
 
 def read_obj(path: Path, data: bytes) -> RawMesh:
@@ -53,10 +53,7 @@ def read_obj(path: Path, data: bytes) -> RawMesh:
             f"{path}: a face names vertex {flat.max() + 1} but the file has {len(vertices)}; "
             "it is damaged or truncated, export it again"
         )
-    check_points(path, vertices)
-    faces = triangulated(path, vertices, np.array(counts, dtype=np.int64), flat)
-    check_counts(path, faces=len(faces))
-    return RawMesh(vertices, faces)
+    return cut(path, vertices, np.array(counts, dtype=np.int64), flat)
 
 
 def _face(path: Path, number: int, line: bytes, n_vertices: int) -> list[int]:

@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from packenv.errors import MeshError
-from packenv.geometry.polygons import triangulated
-from packenv.geometry.readers.ply_header import Element, check_length, read_header
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices, check_points, integers, numbers
-from packenv.types import FloatArray, IntArray
+from packenv.geometry.readers.by_trimesh import by_trimesh
+from packenv.geometry.readers.raw import RawMesh, check_counts
+from packenv.geometry.readers.rows import CORNERS, Column, Element, cut, read_rows
 
-_FACE_LISTS = ("vertex_indices", "vertex_index")
-
-
-class _Data(Protocol):
-    """Takes the elements one after the other."""
-
-    def vertices(self, element: Element) -> FloatArray:
-        """The (n, 3) coordinates of a vertex element."""
-
-    def polygons(self, element: Element) -> tuple[IntArray, IntArray]:
-        """Corners of each polygon, and all their vertex indices."""
-
-    def skip(self, element: Element) -> None:
-        """Pass over an element that plays no part."""
-
-    def left_over(self) -> int:
-        """How much follows the last element that was taken, in bytes or words."""
+_TYPES = {
+    "char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H",
+    "uint16": "H", "int": "i", "int32": "i", "uint": "I", "uint32": "I", "float": "f", "float32": "f",
+    "double": "d", "float64": "d",
+}  # fmt: skip
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 def read_ply(path: Path, data: bytes) -> RawMesh:
-    """Read a PLY file.
+    """Read a PLY file, text or binary in both byte orders; it has no unit.
+
+    trimesh reads binary files whose lists are of one length; rows of the others are taken one by one.
 
     Args:
         path: named in messages.
@@ -45,150 +35,127 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
         The mesh, polygons cut into triangles.
 
     Raises:
-        MeshError: a damaged header, fewer data than it announces, or an index out of range.
+        MeshError: a damaged header, fewer or more data than it announces, or an index out of range.
     """
-    header = read_header(path, data)
-    body = data[header.length :]
-    check_length(path, header, len(body))
-    source: _Data = _Binary(path, body, header.order) if header.order else _Text(path, body)
-    vertices: FloatArray = np.empty((0, 3))
+    end = data.find(b"end_header")
+    start = data.find(b"\n", end) + 1
+    if not data.startswith(b"ply") or end < 0 or start == 0:
+        raise MeshError(
+            f"{path}: not a PLY file, or truncated: its header from 'ply' to 'end_header' is not there"
+        )
+    order, elements = _header(path, data[:end].decode("latin-1").splitlines()[1:])
+    body = data[start:]
+    least = sum(
+        e.count * sum(struct.calcsize(order + (c.count or c.kind)) if order else 2 for c in e.columns)
+        for e in elements
+    )
+    if len(body) + (not order) < least:
+        announced = " and ".join(f"{e.count:,} of element {e.name}" for e in elements)
+        raise MeshError(
+            f"{path}: truncated, its header announces {announced}, at least {least:,} bytes, "
+            f"and {len(body):,} follow; export it again"
+        )
+    if not order:
+        return read_rows(path, elements, (row for line in body.splitlines() if (row := line.split())))
+    mesh = _table(path, data, elements)
+    if mesh is None:
+        mesh = read_rows(path, elements, _unpacked(path, order, elements, body))
+    return mesh
+
+
+def _header(path: Path, lines: Sequence[str]) -> tuple[str, list[Element]]:
+    """The byte order, empty for text, and the tables. A line that trimesh would pass over is an error."""
+    order = None
+    found: dict[str, tuple[int, list[Column]]] = {}
+    name = ""
+    for line in lines:
+        try:
+            match line.split():
+                case [] | ["comment" | "obj_info", *_]:
+                    pass
+                case ["format", word, _]:
+                    order = _ORDERS[word]
+                case ["element", name, count] if name not in found:
+                    found[name] = int(count), []
+                case ["property", "list", count, kind, column]:
+                    found[name][1].append(Column(column, _TYPES[kind], _TYPES[count]))
+                case ["property", kind, column] if column not in (c.name for c in found[name][1]):
+                    found[name][1].append(Column(column, _TYPES[kind]))
+                case _:
+                    raise ValueError
+        except (KeyError, ValueError):
+            raise MeshError(f"{path}: damaged PLY header, cannot read the line {line[:60]!r}") from None
+    elements = [Element(name, count, tuple(columns)) for name, (count, columns) in found.items()]
+    counts = {e.name: e.count for e in elements}
+    check_counts(path, vertices=counts.get("vertex", 0), faces=counts.get("face", 0))
+    if order is None or "vertex" not in counts or any(e.count < 0 or not e.columns for e in elements):
+        raise MeshError(
+            f"{path}: damaged PLY header, it announces no format, no vertices, or an element of nothing"
+        )
+    if "tristrips" in counts and "face" not in counts:
+        raise MeshError(f"{path}: its surface is in triangle strips (tristrips); export it with faces")
+    for element in elements:
+        needed = {"vertex": ["x", "y", "z"], "face": [""]}.get(element.name, [])
+        names = [c.name if not c.count else "" if c.name in CORNERS else None for c in element.columns]
+        if any(names.count(name) != 1 for name in needed):
+            raise MeshError(
+                f"{path}: damaged PLY header, its {element.name} element needs one each of "
+                f"{'x, y and z' if needed[0] else 'the lists vertex_indices'}"
+            )
+    return order, elements
+
+
+def _table(path: Path, data: bytes, elements: Sequence[Element]) -> RawMesh | None:
+    """A binary file as trimesh reads it, or None where lists of different lengths keep it from that."""
+    if not all(e.count for e in elements):
+        return None
+    try:
+        scene = by_trimesh(path, "ply", data, fix_texture=False, skip_materials=True)
+    except MeshError:
+        return None
+    # The columns as they are in the file: what trimesh makes of them depends on colours, textures and edges.
+    (mesh,) = scene.geometry.values()
+    tables = mesh.metadata.get("_ply_raw")
+    if tables is None:
+        return None
     counts, corners = np.empty(0, np.int64), np.empty(0, np.int64)
-    for element in header.elements:
-        if element.name == "vertex":
-            vertices = source.vertices(element)
-        elif element.name == "face":
-            counts, corners = source.polygons(element)
-        else:
-            source.skip(element)
-    if source.left_over():
+    for element in elements:
+        table = tables[element.name]["data"]
+        for column in element.columns:
+            if not column.count:
+                continue
+            lengths, values = table[column.name]["f0"], table[column.name]["f1"]
+            # trimesh takes every list for as long as the first.
+            if (lengths != lengths[0]).any():
+                return None
+            if element.name == "face" and column.name in CORNERS:
+                counts, corners = lengths.astype(np.int64), values.reshape(-1).astype(np.int64)
+    table = tables["vertex"]["data"]
+    vertices = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    return cut(path, vertices, counts, corners)
+
+
+def _unpacked(path: Path, order: str, elements: Sequence[Element], body: bytes) -> Iterator[list[bytes]]:
+    """Rows of a binary file as words of a text one, which give back the very numbers."""
+    at = 0
+    try:
+        for element in elements:
+            for _ in range(element.count):
+                row: list[Any] = []
+                for column in element.columns:
+                    count = 1
+                    if column.count:
+                        (count,) = struct.unpack_from(order + column.count, body, at)
+                        at += struct.calcsize(order + column.count)
+                        row.append(count)
+                    row += struct.unpack_from(f"{order}{count}{column.kind}", body, at)
+                    at += struct.calcsize(f"{order}{count}{column.kind}")
+                yield [repr(value).encode() for value in row]
+    except struct.error:
+        raise MeshError(
+            f"{path}: truncated or damaged PLY file, its data end in the middle of an element"
+        ) from None
+    if body[at:].strip():
         raise MeshError(
             f"{path}: damaged PLY file, more data follow than its header announces; export it again"
         )
-    if (counts < 3).any():
-        raise MeshError(f"{path}: a face has {counts.min()} vertices, it needs at least 3")
-    check_indices(path, corners, len(vertices))
-    check_points(path, vertices)
-    faces = triangulated(path, vertices, counts, corners)
-    check_counts(path, faces=len(faces))
-    return RawMesh(vertices, faces)
-
-
-class _Binary:
-    def __init__(self, path: Path, body: bytes, order: str) -> None:
-        self.path = path
-        self.body = body
-        self.order = order
-        self.at = 0
-
-    def vertices(self, element: Element) -> FloatArray:
-        columns = [element.index(self.path, axis, is_list=False) for axis in "xyz"]
-        rows = self._table(element)
-        if rows is not None:
-            return np.stack([rows[f"p{k}"].reshape(-1).astype(np.float64) for k in columns], axis=1)
-        points = [[row[k][0] for k in columns] for row in self._rows(element)]
-        return np.array(points, dtype=np.float64).reshape(-1, 3)
-
-    def polygons(self, element: Element) -> tuple[IntArray, IntArray]:
-        column = element.index(self.path, *_FACE_LISTS, is_list=True)
-        rows = self._table(element)
-        if rows is not None:
-            lists = rows[f"p{column}"].astype(np.int64)
-            return np.full(len(lists), lists.shape[1], np.int64), lists.reshape(-1)
-        parts = [row[column] for row in self._rows(element)]
-        corners: IntArray = np.concatenate(parts).astype(np.int64)
-        return np.array([len(part) for part in parts], np.int64), corners
-
-    def skip(self, element: Element) -> None:
-        if self._table(element) is None:
-            for _ in self._rows(element):
-                pass
-
-    def left_over(self) -> int:
-        return len(self.body[self.at :].strip())
-
-    def _table(self, element: Element) -> NDArray[np.void] | None:
-        """All rows at once where their lists are as long as those of the first row, else None."""
-        start = self.at
-        lengths = [3] * len(element.properties)
-        for row in self._rows(element):
-            lengths = [len(values) for values in row]
-            break
-        self.at = start
-        fields: list[tuple[str, str, tuple[int, ...]]] = []
-        for k, prop in enumerate(element.properties):
-            if prop.count_kind:
-                fields.append((f"n{k}", self.order + prop.count_kind, (1,)))
-            fields.append((f"p{k}", self.order + prop.kind, (lengths[k],)))
-        row_type = np.dtype(fields)
-        end = start + element.count * row_type.itemsize
-        if end > len(self.body):
-            return None
-        rows = np.frombuffer(self.body, row_type, count=element.count, offset=start)
-        for k, prop in enumerate(element.properties):
-            if prop.count_kind and not (rows[f"n{k}"] == lengths[k]).all():
-                return None
-        self.at = end
-        return rows
-
-    def _rows(self, element: Element) -> Iterator[list[NDArray[np.generic]]]:
-        """Row after row: slow, but takes lists of different lengths."""
-        for _ in range(element.count):
-            row = []
-            for prop in element.properties:
-                count = int(self._take(prop.count_kind, 1)[0]) if prop.count_kind else 1
-                row.append(self._take(prop.kind, count))
-            yield row
-
-    def _take(self, kind: str, count: int) -> NDArray[np.generic]:
-        dtype = np.dtype(self.order + kind)
-        end = self.at + count * dtype.itemsize
-        if count < 0 or end > len(self.body):
-            raise MeshError(
-                f"{self.path}: truncated or damaged PLY file, its data end in the middle of an element"
-            )
-        values: NDArray[np.generic] = np.frombuffer(self.body, dtype, count=count, offset=self.at)
-        self.at = end
-        return values
-
-
-class _Text:
-    def __init__(self, path: Path, body: bytes) -> None:
-        self.path = path
-        self.words = body.split()
-        self.at = 0
-
-    def vertices(self, element: Element) -> FloatArray:
-        columns = [element.index(self.path, axis, is_list=False) for axis in "xyz"]
-        rows = list(self._rows(element))
-        return numbers(self.path, [row[k][0] for row in rows for k in columns], "a vertex").reshape(-1, 3)
-
-    def polygons(self, element: Element) -> tuple[IntArray, IntArray]:
-        column = element.index(self.path, *_FACE_LISTS, is_list=True)
-        lists = [row[column] for row in self._rows(element)]
-        corners = integers(self.path, [word for part in lists for word in part], "a face")
-        return np.array([len(part) for part in lists], np.int64), corners
-
-    def skip(self, element: Element) -> None:
-        for _ in self._rows(element):
-            pass
-
-    def left_over(self) -> int:
-        return len(self.words) - self.at
-
-    def _rows(self, element: Element) -> Iterator[list[list[bytes]]]:
-        for _ in range(element.count):
-            row = []
-            for prop in element.properties:
-                count = 1
-                if prop.count_kind:
-                    count = int(integers(self.path, self._take(1), "the length of a list")[0])
-                row.append(self._take(count))
-            yield row
-
-    def _take(self, count: int) -> list[bytes]:
-        end = self.at + count
-        if count < 0 or end > len(self.words):
-            raise MeshError(f"{self.path}: truncated or damaged PLY file, its numbers end too early")
-        words = self.words[self.at : end]
-        self.at = end
-        return words

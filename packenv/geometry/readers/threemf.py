@@ -21,7 +21,7 @@ from packenv.geometry.readers.raw import (
     check_indices,
 )
 from packenv.geometry.readers.scene import ScenePart, joined
-from packenv.types import FloatArray
+from packenv.types import FloatArray, IntArray
 
 ROOT_MODEL = "3d/3dmodel.model"
 """Name, in lower case, that the main model usually has inside the archive."""
@@ -36,7 +36,8 @@ _METRES = {
 }
 _MAX_DEPTH = 32
 _MAX_PARTS = 10_000
-_MAX_TAGS = 2 * (MAX_FACES + MAX_VERTICES)
+_MAX_TAGS = MAX_FACES + MAX_VERTICES + 100_000
+_RELATIONS = "_rels/.rels"
 
 
 def read_threemf(path: Path, data: bytes) -> RawMesh:
@@ -71,8 +72,12 @@ class _Package:
         self.archive = archive
         self.models: dict[str, ElementTree.Element] = {}
         self.names = {name.lower().lstrip("/"): name for name in archive.namelist()}
+        self.tags = 0
+        self.objects: dict[str, dict[str | None, ElementTree.Element]] = {}
+        self.meshes: dict[tuple[str, str], tuple[FloatArray, IntArray]] = {}
         self.parts: list[ScenePart] = []
         self.visited = 0
+        self.counts = [0, 0]
 
     def read(self) -> RawMesh:
         # An archive says how long its members are; a lie is caught by the length that is read.
@@ -80,27 +85,37 @@ class _Package:
             raise MeshError(
                 f"{self.path}: unpacks to more than {MAX_FILE_BYTES >> 20} MiB; decimate the mesh"
             )
-        root = self._model(ROOT_MODEL)
+        name = self._root()
+        root = self._model(name)
         unit = root.get("unit", "millimeter")
         if unit not in _METRES:
             raise MeshError(f"{self.path}: its unit is {brief(unit)!r}, 3MF knows {', '.join(_METRES)}")
         for item in root.findall("{*}build/{*}item"):
-            self._place(_model_of(item) or ROOT_MODEL, item.attrib["objectid"], _transform(item), 0)
+            self._place(_model_of(item) or name, item.attrib["objectid"], _transform(item), 0)
         return joined(self.path, self.parts, metres=_METRES[unit])
+
+    def _root(self) -> str:
+        """Name of the main model: the one that the package's relations name, else the usual one."""
+        if ROOT_MODEL not in self.names and _RELATIONS in self.names:
+            for relation in self._model(_RELATIONS):
+                if relation.get("Type", "").endswith("/3dmodel"):
+                    return relation.attrib["Target"].lstrip("/").lower()
+        return ROOT_MODEL
 
     def _model(self, name: str) -> ElementTree.Element:
         if name not in self.models:
             if name not in self.names:
                 raise MeshError(f"{self.path}: not a 3MF file, or damaged: it holds no {brief(name)}")
             text = self.archive.read(self.names[name])
+            if b"\0" in text:
+                raise MeshError(f"{self.path}: {brief(name)} is not in UTF-8; export it again")
             if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
                 raise MeshError(f"{self.path}: its model declares XML entities, which 3MF does not allow")
             check_counts(self.path, vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
             # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
-            if text.count(b"<") > _MAX_TAGS:
-                raise MeshError(
-                    f"{self.path}: over {_MAX_TAGS:,} XML tags in {brief(name)}; decimate the mesh"
-                )
+            self.tags += text.count(b"<")
+            if self.tags > _MAX_TAGS:
+                raise MeshError(f"{self.path}: over {_MAX_TAGS:,} XML tags in its models; decimate the mesh")
             self.models[name] = ElementTree.fromstring(text)
         return self.models[name]
 
@@ -110,22 +125,28 @@ class _Package:
             raise MeshError(
                 f"{self.path}: damaged 3MF file, its components are nested in a circle or too many"
             )
-        for thing in self._model(model).findall("{*}resources/{*}object"):
-            if thing.get("id") == object_id:
-                break
-        else:
+        if model not in self.objects:
+            found = self._model(model).findall("{*}resources/{*}object")
+            self.objects[model] = {thing.get("id"): thing for thing in reversed(found)}
+        thing = self.objects[model].get(object_id)
+        if thing is None:
             raise MeshError(
                 f"{self.path}: damaged 3MF file, object {brief(object_id)} is placed but not there"
             )
         mesh = thing.find("{*}mesh")
         if mesh is not None:
-            self.parts.append(self._part(mesh, transform))
-            check_counts(self.path, faces=sum(len(p.faces) for p in self.parts))
+            if (model, object_id) not in self.meshes:
+                self.meshes[model, object_id] = self._arrays(mesh)
+            part = ScenePart(*self.meshes[model, object_id], transform)
+            # Counted before it is moved to its place: a small file can place a large mesh very often.
+            self.counts = [self.counts[0] + len(part.vertices), self.counts[1] + len(part.faces)]
+            check_counts(self.path, vertices=self.counts[0], faces=self.counts[1])
+            self.parts.append(part)
         for component in thing.findall("{*}components/{*}component"):
             nested = transform @ _transform(component)
             self._place(_model_of(component) or model, component.attrib["objectid"], nested, depth + 1)
 
-    def _part(self, mesh: ElementTree.Element, transform: FloatArray) -> ScenePart:
+    def _arrays(self, mesh: ElementTree.Element) -> tuple[FloatArray, IntArray]:
         points = [[v.attrib[a] for a in "xyz"] for v in mesh.iterfind("{*}vertices/{*}vertex")]
         corners = [
             [int(t.attrib[a]) for a in ("v1", "v2", "v3")] for t in mesh.iterfind("{*}triangles/{*}triangle")
@@ -133,7 +154,7 @@ class _Package:
         vertices = np.array(points, dtype=np.float64).reshape(-1, 3)
         faces = np.array(corners, dtype=np.int64).reshape(-1, 3)
         check_indices(self.path, faces, len(vertices))
-        return ScenePart(vertices, faces, transform)
+        return vertices, faces
 
 
 def _model_of(element: ElementTree.Element) -> str | None:
