@@ -22,15 +22,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from packenv.errors import InputError, OrderError
-from packenv.io.catalogues import MEMORY, Catalogue, closest_match
+from packenv.io.catalogues import Catalogue, closest_match
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.orders import read_order
 from packenv.io.plan_maker import make_plan
-from packenv.io.plans import read_plan, write_plan
+from packenv.io.plans import write_plan
 from packenv.io.shelves import ItemShelf
 from packenv.plan_items import (
     Items,
     catalogue_of,
+    open_plan,
     options_again,
     options_of,
     renumbered,
@@ -117,12 +118,7 @@ def load_plan(path: str | Path, catalogue: Items | None = None, *, unit: str | N
     Raises:
         InputError: the plan or a mesh is wrong, or a mesh is not the one that the plan was made of.
     """
-    plan = replace(read_plan(Path(path)), source=Path(path))
-    shelf = shelf_of(plan, catalogue, unit=unit)
-    names = [p.item for p in plan.placements]
-    if plan.catalogue == MEMORY:  # no later call finds the others
-        names += [left.item for left in plan.leftovers if left.item in shelf]
-    return replace(plan, items={name: shelf.items[name] for name in names})
+    return open_plan(path, catalogue, unit=unit)[0]
 
 
 def save_plan(plan: Plan, path: str | Path) -> None:

@@ -170,7 +170,7 @@ def execute(
     )
     if made.shape == "mesh":
         _remark_bulges(plan, shelf.parts, watcher)
-    tasks = [_task(plan, k, shelf) for k in range(len(plan.placements))][len(placed) :]
+    tasks = [_task(plan, k, shelf) for k in range(len(placed), len(plan.placements))]
     if any(task.joints is None for task in tasks):
         watcher.remark(
             f"{plan.label}: tells no joints (pack --constraints robot plans them); "

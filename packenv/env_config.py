@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
-from packenv.errors import InputError, nearest
+from packenv.errors import InputError, check_known
 from packenv.planning.options import (
     ContactRule,
     Geometry,
@@ -171,11 +171,7 @@ class PackConfig:
 
 def _checked_keys(kind: type[Any], settings: Mapping[str, object], where: str) -> Mapping[str, object]:
     """The settings, every key of which is a field of ``kind``."""
-    known = [f.name for f in fields(kind)]
-    for key in settings:
-        if key not in known:
-            hint = nearest(key, known) or f"; it has {', '.join(known)}"
-            raise InputError(f"{where} has no key {str(key)!r:.60}{hint}")
+    check_known(settings, [f.name for f in fields(kind)], f"{where} has no key", "it has")
     return settings
 
 

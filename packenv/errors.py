@@ -8,7 +8,7 @@ exits with code 2. "It cannot be packed" is not an error: it is an answer, and a
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Integral, Real
 
 
@@ -22,6 +22,24 @@ class InputError(RobotPackError):
     def __init__(self, message: str) -> None:
         """Store the message with every run of white space, line breaks included, as one space."""
         super().__init__(" ".join(str(message).split()))
+
+
+def check_known(names: Iterable[object], known: Sequence[str], complaint: str, listing: str) -> None:
+    """Refuse names that there are not.
+
+    Args:
+        names: what was given.
+        known: what there is.
+        complaint: the message before the wrong name.
+        listing: the message before all known ones, where none is near.
+
+    Raises:
+        InputError: a name is unknown.
+    """
+    for name in names:
+        if name not in known:
+            hint = nearest(name, known) or f"; {listing} {', '.join(known)}"
+            raise InputError(f"{complaint} {str(name)!r:.60}{hint}")
 
 
 def is_number(value: object, *, whole: bool = False) -> bool:

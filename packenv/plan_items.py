@@ -11,11 +11,12 @@ from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
 from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
 from packenv.io.memory import items_of_meshes
-from packenv.io.plans import EnvelopeRecord
+from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.io.shelves import ItemShelf, shelf_in
 from packenv.planning.container_map import ContainerMap
-from packenv.planning.options import OWN, PlanOptions
+from packenv.planning.options import OWN, Geometry, PlanOptions
 from packenv.planning.replay import replay_plan
+from packenv.planning.sequence import pieces_of
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:
@@ -58,8 +59,6 @@ def options_of(plan: Plan) -> PlanOptions:
             raise PlanError(f"{plan.label}: settings has no {name!r}, plan again")
     try:
         return PlanOptions.from_mapping(plan.settings, f"{plan.label}: settings")
-    except PlanError:
-        raise
     except InputError as problem:
         raise PlanError(str(problem)) from None
 
@@ -142,16 +141,37 @@ def shelf_of(
             raise PlanError(
                 f"{plan.label}: its meshes: {problem}; or name their folder by --catalogue"
             ) from None
-    chosen = options or options_of(plan)
-    shelf = shelf_for(catalogue, chosen)
+    made = options_of(plan)
+    shelf = shelf_for(catalogue, options or made)
     names = [p.item for p in plan.placements] + [left.item for left in plan.leftovers if leftovers]
     for name in dict.fromkeys(names):
         if name not in shelf:
             raise PlanError(
                 f"{plan.label}: item {name!r} is not in {shelf.catalogue.label}, name its folder by --catalogue"
             )
-        _check_mesh(plan, name, shelf)
+        _check_mesh(plan, name, shelf, made.shape)
     return shelf
+
+
+def open_plan(
+    path: str | Path, catalogue: Items | None = None, *, unit: str | None = None
+) -> tuple[Plan, ItemShelf]:
+    """Read a plan, and open the shelf of its items once for all that is done with it.
+
+    Args:
+        path: the plan file.
+        catalogue: where to find the meshes; None takes the folder that the plan names.
+        unit: unit of the meshes; None takes the plan's.
+
+    Raises:
+        InputError: the plan or a mesh is wrong, or a mesh is not the one that the plan was made of.
+    """
+    plan = replace(read_plan(Path(path)), source=Path(path))
+    shelf = shelf_of(plan, catalogue, unit=unit)
+    names = [p.item for p in plan.placements]
+    if plan.catalogue == MEMORY:  # no later call finds the others
+        names += [left.item for left in plan.leftovers if left.item in shelf]
+    return replace(plan, items={name: shelf.items[name] for name in names}), shelf
 
 
 def surfaces_of(plan: Plan, shelf: ItemShelf) -> tuple[ContainerMap, ...]:
@@ -165,18 +185,13 @@ def surfaces_of(plan: Plan, shelf: ItemShelf) -> tuple[ContainerMap, ...]:
 
 def renumbered(plan: Plan) -> Plan:
     """The plan with every piece of a name numbered in its sequence, placed ones first."""
-    counts: dict[str, int] = {}
-
-    def number(name: str) -> int:
-        counts[name] = counts.get(name, 0) + 1
-        return counts[name]
-
-    placements = tuple(replace(p, instance=number(p.item)) for p in plan.placements)
-    leftovers = tuple(replace(left, instance=number(left.item)) for left in plan.leftovers)
+    numbers = iter(pieces_of([*(p.item for p in plan.placements), *(left.item for left in plan.leftovers)]))
+    placements = tuple(replace(p, instance=next(numbers).instance) for p in plan.placements)
+    leftovers = tuple(replace(left, instance=next(numbers).instance) for left in plan.leftovers)
     return replace(plan, placements=placements, leftovers=leftovers)
 
 
-def _check_mesh(plan: Plan, name: str, shelf: ItemShelf) -> None:
+def _check_mesh(plan: Plan, name: str, shelf: ItemShelf, made_on: Geometry) -> None:
     item: Item = shelf.items[name]
     record = plan.meshes[name]
     if item.sha256 != record.sha256:
@@ -184,7 +199,7 @@ def _check_mesh(plan: Plan, name: str, shelf: ItemShelf) -> None:
             f"{plan.label}: {item.file} is not the mesh that the plan was made of (sha256 "
             f"{item.sha256[:12]}, not {record.sha256[:12]}), plan again or name its folder by --catalogue"
         )
-    if shelf.geometry != "parts" or options_of(plan).shape != "parts":
+    if shelf.geometry != "parts" or made_on != "parts":
         return
     if not isinstance(record, EnvelopeRecord):
         raise PlanError(

@@ -81,7 +81,7 @@ def show(
         ending = "" if executed is None else executed.verdict
         write_gif(path, plan, items, frames, ending, lambda f: watcher.progress(f, "drawing"))
     else:
-        _draw(path, scene_of(thing, catalogue, unit=unit, watcher=watcher))
+        _draw(path, scene_of(thing, shelf, watcher=watcher))
 
 
 def scene_of(

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from packenv import api
 from packenv.commands.output import Terminal, say, say_json
 from packenv.errors import InputError
 from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs
-from packenv.plan_items import options_again
+from packenv.io.shelves import ItemShelf
+from packenv.plan_items import open_plan, options_again
 from packenv.planning.options import PlanOptions
 from packenv.showing import check_suffix, show
 from packenv.types import Plan
@@ -47,14 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
     for name, flag in _RULES.items():
         if getattr(arguments, name) is not None and not arguments.closed_loop:
             raise InputError(f"{flag}: is for planning again, give --closed-loop as well")
-    plan = api.load_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
-    executed = _executed(plan, arguments)
+    plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    executed = _executed(plan, shelf, arguments)
     document = executed.to_json()
     if arguments.out is not None:
         write_execution(arguments.out, document)
     for path in (arguments.html, arguments.gif):
         if path is not None:
-            show(executed, path, arguments.catalogue, unit=arguments.unit, watcher=Terminal())
+            show(executed, path, shelf, watcher=Terminal())
     if arguments.json:
         say_json(document)
     else:
@@ -62,15 +62,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if document["success"] else 1
 
 
-def _executed(plan: Plan, arguments: argparse.Namespace) -> ExecutedPlan:
+def _executed(plan: Plan, shelf: ItemShelf, arguments: argparse.Namespace) -> ExecutedPlan:
     from packenv.carrying_out import execute
     from packenv.quiet import engine_muted
 
     with engine_muted() if arguments.gui else nullcontext():
         return execute(
             plan,
-            arguments.catalogue,
-            unit=arguments.unit,
+            shelf,
             feel=arguments.feel,
             closed_loop=arguments.closed_loop,
             gentle=arguments.gentle,

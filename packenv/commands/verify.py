@@ -7,7 +7,7 @@ import argparse
 from packenv import api
 from packenv.audit import AuditReport
 from packenv.commands.output import say, say_json
-from packenv.plan_items import options_of
+from packenv.plan_items import open_plan, options_of
 from packenv.verification import Verification
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")
@@ -16,8 +16,8 @@ _WITH_PARTS = "with convex parts: "
 
 def run(arguments: argparse.Namespace) -> int:
     """Audit a plan; returns the exit code."""
-    plan = api.load_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
-    found = api.verify(plan, arguments.catalogue, unit=arguments.unit)
+    plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    found = api.verify(plan, shelf)
     if arguments.json:
         say_json(found.to_json())
     else:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from packenv import api
 from packenv.commands.output import Terminal, say
 from packenv.io.files import check_outputs
+from packenv.plan_items import open_plan
 from packenv.showing import check_suffix, show
 
 
@@ -15,7 +15,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.out
     check_suffix(path, "--out")
     check_outputs({"--out": path}, arguments.plan)
-    plan = api.load_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
-    show(plan, path, arguments.catalogue, unit=arguments.unit, watcher=Terminal())
+    plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    show(plan, path, shelf, watcher=Terminal())
     say(f"wrote {path}")
     return 0

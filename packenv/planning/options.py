@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
-from packenv.errors import InputError, is_number, nearest
+from packenv.errors import InputError, check_known, is_number, nearest
 from packenv.extensions import extension_name, is_extension
 
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
@@ -25,6 +25,7 @@ Sequencing: TypeAlias = Literal["volume", "given"]
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
+_OPTIONS_ARE = "the options are"
 OWN = "<own>"
 """Stands in a file for an own heuristic or constraint that no module's name leads to, such as a lambda."""
 
@@ -263,7 +264,7 @@ class PlanOptions:
         Raises:
             InputError: a name is unknown, or a value is wrong.
         """
-        _check_names(settings, option_names(), where)
+        check_known(settings, option_names(), f"{where}: there is no option", _OPTIONS_ARE)
         try:
             return cls().changed(settings)
         except InputError as problem:
@@ -275,7 +276,8 @@ class PlanOptions:
         Raises:
             InputError: a name is unknown, or a value is wrong.
         """
-        _check_names(words, (*option_names(), "grid"), "the options")
+        known = (*option_names(), "grid")
+        check_known(words, known, "the options: there is no option", _OPTIONS_ARE)
         for name, rule in _GRID.items():
             if name in words:
                 rule.check(name, words[name])
@@ -328,13 +330,6 @@ def rules() -> dict[str, Rule]:
 def option_names() -> tuple[str, ...]:
     """Names of all options as a plan file has them."""
     return (*(f.name for f in fields(PlanOptions) if f.name != "grid"), *_GRID)
-
-
-def _check_names(names: Iterable[str], known: Sequence[str], where: str) -> None:
-    for name in names:
-        if name not in known:
-            hint = nearest(name, known) or f"; the options are {', '.join(known)}"
-            raise InputError(f"{where}: there is no option {str(name)!r:.60}{hint}")
 
 
 def heuristic_label(heuristic: str | Heuristic) -> str:
