@@ -9,9 +9,21 @@ from packenv.io.catalogues import Catalogue
 from packenv.io.shelves import ItemShelf
 from packenv.planning.options import Geometry
 from packenv.types import Item
+from tests.shapes import box
 
 _PLENTY = 2**29
 """Bytes: nothing is made twice, so tests may ask for the very same orientation."""
+
+FOUR_BOXES = {
+    item.name: item
+    for item in (
+        box(0.12, 0.10, 0.05, "slab"),
+        box(0.10, 0.08, 0.06, "brick"),
+        box(0.06, 0.05, 0.04, "block"),
+        box(0.05, 0.05, 0.03, "cube"),
+    )
+}
+"""Four boxes by name, largest first: few enough to plan with physics after every one."""
 
 
 def shelf_of(items: Mapping[str, Item], grid: GridConfig, geometry: Geometry = "mesh") -> ItemShelf:

@@ -29,32 +29,23 @@ from packenv.sim.session import Execution, ExecutionConfig, Session
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, Pose
 from tests.shapes import box
-from tests.shelf_samples import shelf_of
+from tests.shelf_samples import FOUR_BOXES, shelf_of
 from tests.sim.bodies import convex
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
 BOX = Container(0.3, 0.3, 0.2)
 URDF = robot_urdf()
-ITEMS = {
-    item.name: item
-    for item in (
-        box(0.12, 0.10, 0.05, "slab"),
-        box(0.10, 0.08, 0.06, "brick"),
-        box(0.06, 0.05, 0.04, "block"),
-        box(0.05, 0.05, 0.03, "cube"),
-    )
-}
-NAMES = ["slab", "brick", "block", "cube"]
+NAMES = list(FOUR_BOXES)
 
 
 @pytest.fixture(scope="module")
 def shelf() -> ItemShelf:
-    return shelf_of(ITEMS, GRID)
+    return shelf_of(FOUR_BOXES, GRID)
 
 
 @pytest.fixture(scope="module")
 def physics() -> dict[str, PhysicsItem]:
-    return {name: convex(item) for name, item in ITEMS.items()}
+    return {name: convex(item) for name, item in FOUR_BOXES.items()}
 
 
 def options_of(**given: Any) -> PlanOptions:
@@ -184,9 +175,9 @@ def test_a_placement_is_still_good_until_something_stands_in_its_way(
 
     def good(corner: np.ndarray) -> bool:
         """With the first item at a corner on the floor."""
-        lying = Resting(ITEMS[first.item], first.rotation, first.position + corner - first.corner)
+        lying = Resting(FOUR_BOXES[first.item], first.rotation, first.position + corner - first.corner)
         measured = measured_map(BOX, GRID.cell_size, [lying])
-        return _still_good(last, ITEMS[last.item], believed, measured)
+        return _still_good(last, FOUR_BOXES[last.item], believed, measured)
 
     assert good(first.corner)
     assert not good(last.corner)

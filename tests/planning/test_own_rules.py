@@ -23,24 +23,14 @@ from packenv.planning.scores import DeepestBottomLeft
 from packenv.types import Container, Plan
 from tests.planning import own_rules
 from tests.planning.own_rules import Always, Apart, Low, Never
-from tests.shapes import box
-from tests.shelf_samples import shelf_of
+from tests.shelf_samples import FOUR_BOXES, shelf_of
 from tests.sim.bodies import convex
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=3, n_yaws=2)
 BOX = Container(0.24, 0.24, 0.16)
-ITEMS = {
-    item.name: item
-    for item in (
-        box(0.12, 0.10, 0.05, "slab"),
-        box(0.10, 0.08, 0.06, "brick"),
-        box(0.06, 0.05, 0.04, "block"),
-        box(0.05, 0.05, 0.03, "cube"),
-    )
-}
-SHELF = shelf_of(ITEMS, GRID)
-PHYSICS = {name: convex(item) for name, item in ITEMS.items()}
-NAMES = ["slab", "brick", "block", "cube"]
+SHELF = shelf_of(FOUR_BOXES, GRID)
+PHYSICS = {name: convex(item) for name, item in FOUR_BOXES.items()}
+NAMES = list(FOUR_BOXES)
 HERE = "tests.planning.own_rules"
 RULES: tuple[StabilityRule, ...] = ("paper", "cautious", "margin", "physics")
 
@@ -62,7 +52,7 @@ def where(packing: Packing) -> list[tuple[Any, ...]]:
 
 
 def centres(packing: Packing) -> np.ndarray:
-    return np.array([p.rotation @ ITEMS[p.item].com + p.position for p in packing.placements])
+    return np.array([p.rotation @ FOUR_BOXES[p.item].com + p.position for p in packing.placements])
 
 
 def holds(packing: Packing, distance: float) -> None:
@@ -70,7 +60,7 @@ def holds(packing: Packing, distance: float) -> None:
     at = centres(packing)[:, :2]
     for k, one in enumerate(at):
         assert all(np.linalg.norm(one - other) >= distance for other in at[:k])
-    assert audit_plan(Plan(BOX, packing.placements, ()), ITEMS).ok
+    assert audit_plan(Plan(BOX, packing.placements, ()), FOUR_BOXES).ok
 
 
 # --------------------------------------------------------------------------- own constraints: where
