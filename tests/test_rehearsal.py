@@ -21,12 +21,12 @@ from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
 from tests.shapes import box
-from tests.shelf_samples import shelf_of
+from tests.shelf_samples import FOUR_BOXES, shelf_of
 from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
-from tests.test_physics_planning import BOX, GRID, ITEMS, NAMES, options_of, where
+from tests.test_physics_planning import BOX, GRID, NAMES, options_of, where
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
-ALL = {**ITEMS, "plank": PLANK, "pole": POLE}
+ALL = {**FOUR_BOXES, "plank": PLANK, "pole": POLE}
 
 
 @pytest.fixture(scope="module")
