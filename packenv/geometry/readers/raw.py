@@ -1,12 +1,15 @@
-"""What every reader returns, and the limits that every reader keeps."""
+"""What reading a mesh file gives, the limits that hold for every format, and the way to trimesh."""
 
 from __future__ import annotations
 
+import io
+import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from packenv.errors import MeshError, UnitError
 from packenv.types import FloatArray, IntArray
@@ -45,8 +48,8 @@ class RawMesh:
 
 
 def brief(text: object) -> str:
-    """What a file or a library says, cut to what a message can hold."""
-    whole = str(text)
+    """What a file or a library says, on one line and cut to what a message can hold."""
+    whole = " ".join(str(text).split())
     return whole if len(whole) <= 80 else f"{whole[:77]}..."
 
 
@@ -58,12 +61,11 @@ def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
     """
     if vertices < 0 or faces < 0:
         raise MeshError(f"{path}: damaged, it announces {brief(vertices)} vertices and {brief(faces)} faces")
-    if faces > MAX_FACES:
-        raise MeshError(f"{path}: {brief(f'{faces:,}')} faces, the limit is {MAX_FACES:,}; decimate the mesh")
-    if vertices > MAX_VERTICES:
-        raise MeshError(
-            f"{path}: {brief(f'{vertices:,}')} vertices, the limit is {MAX_VERTICES:,}; decimate the mesh"
-        )
+    for count, what, limit in ((faces, "faces", MAX_FACES), (vertices, "vertices", MAX_VERTICES)):
+        if count > limit:
+            raise MeshError(
+                f"{path}: {brief(f'{count:,}')} {what}, the limit is {limit:,}; decimate the mesh"
+            )
 
 
 def check_points(path: Path, vertices: FloatArray) -> None:
@@ -92,7 +94,61 @@ def check_points(path: Path, vertices: FloatArray) -> None:
         )
 
 
-def check_indices(path: Path, indices: NDArray[np.integer], n_vertices: int) -> None:
+def read_scene(path: Path, kind: str, data: bytes, **options: Any) -> Any:
+    """What trimesh makes of a file's bytes, nothing merged or dropped.
+
+    Args:
+        path: named in messages.
+        kind: ``stl``, ``off``, ``ply``, ``glb`` or ``3mf``.
+        data: what the gate lets through.
+        options: for trimesh's reader.
+
+    Returns:
+        A ``trimesh.Scene``.
+
+    Raises:
+        MeshError: trimesh cannot read it, or stops at a word that is no number.
+    """
+    import trimesh
+
+    with warnings.catch_warnings():
+        # NumPy ends at such a word and warns; the numbers up to it would be taken for all.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        try:
+            return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
+        except Exception as problem:  # trimesh lets the errors of many libraries through
+            said = brief(f"{type(problem).__name__}: {problem}")
+            hint = "write decimals with a point" if re.search(r"\d,\d", said) else "export it again"
+            raise MeshError(f"{path}: truncated or damaged ({said}); {hint}") from None
+
+
+def read_mesh(path: Path, kind: str, data: bytes, vertices: int, faces: int, **options: Any) -> RawMesh:
+    """All meshes of a file in one, each moved to its place in the scene.
+
+    Args:
+        path: as for :func:`read_scene`, like ``kind``, ``data`` and ``options``.
+        kind: see there.
+        data: see there.
+        vertices: how many the file announces.
+        faces: how many triangles the file announces.
+        options: see there.
+
+    Raises:
+        MeshError: as there; or a face names a vertex that is not there, or other counts are found.
+    """
+    scene = read_scene(path, kind, data, **options)
+    for mesh in scene.geometry.values():
+        check_indices(path, getattr(mesh, "faces", np.empty(0, np.int64)), len(mesh.vertices))
+    whole = scene.to_mesh()
+    if (len(whole.vertices), len(whole.faces)) != (vertices, faces):
+        raise MeshError(
+            f"{path}: truncated or damaged, it announces {vertices:,} vertices and {faces:,} faces "
+            f"and {len(whole.vertices):,} and {len(whole.faces):,} are there; export it again"
+        )
+    return RawMesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int64))
+
+
+def check_indices(path: Path, indices: IntArray, n_vertices: int) -> None:
     """Refuse faces that name a vertex that is not there.
 
     Raises:
@@ -104,39 +160,3 @@ def check_indices(path: Path, indices: NDArray[np.integer], n_vertices: int) -> 
             f"{path}: a face names vertex {wrong} (counted from 0) but the file has {n_vertices}; "
             "it is damaged or truncated, export it again"
         )
-
-
-def numbers(path: Path, tokens: list[bytes], what: str) -> FloatArray:
-    """Numbers from their text; the first that is none is named.
-
-    Raises:
-        MeshError: a token is not a number.
-    """
-    try:
-        return np.array(tokens, dtype=np.float64)
-    except ValueError:
-        for token in tokens:
-            try:
-                float(token)
-            except ValueError:
-                text = token[:40].decode("utf-8", "replace")
-                hint = " (decimals take a point)" if "," in text else ""
-                raise MeshError(f"{path}: {what} holds {text!r}, which is not a number{hint}") from None
-        raise
-
-
-def integers(path: Path, tokens: list[bytes], what: str) -> IntArray:
-    """Integers from their text; the first that is none is named.
-
-    Raises:
-        MeshError: a token is not an integer, or does not fit into 64 bits.
-    """
-    try:
-        return np.array([int(token) for token in tokens], dtype=np.int64)
-    except (ValueError, OverflowError):
-        for token in tokens:
-            digits = token.removeprefix(b"-")
-            if not (digits.isdigit() and len(digits) < 19):
-                text = token[:40].decode("utf-8", "replace")
-                raise MeshError(f"{path}: {what} holds {text!r}, which is not a whole number") from None
-        raise
