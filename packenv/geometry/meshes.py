@@ -11,11 +11,11 @@ import numpy as np
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
 from packenv.geometry.mesh_files import file_bytes, parsed_mesh
-from packenv.geometry.readers.raw import RawMesh, check_points
+from packenv.geometry.readers.raw import RawMesh, check_points, refuse_points
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
-FORMAT = 1
+FORMAT = 2
 """Raise this when reading or mending changes: meshes that are kept in another format are read anew."""
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
@@ -89,11 +89,7 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
     Raises:
         MeshError: something is wrong with it.
     """
-    if not len(raw.faces):
-        content = f"{len(raw.vertices)} points but no faces" if len(raw.vertices) else "no faces"
-        raise MeshError(
-            f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
-        )
+    refuse_points(path, len(raw.vertices), len(raw.faces))
     check_points(path, raw.vertices)
     scale = UNITS[unit] if unit is not None else (raw.metres or 1.0)
     surface = used_part(raw.vertices, raw.faces, split=raw.split)

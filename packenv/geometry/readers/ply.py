@@ -11,7 +11,14 @@ import numpy as np
 
 from packenv.errors import MeshError
 from packenv.geometry.readers.polygons import Words, read_polygons, refuse_dents, take
-from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_indices, read_scene
+from packenv.geometry.readers.raw import (
+    RawMesh,
+    brief,
+    check_counts,
+    check_indices,
+    read_scene,
+    refuse_points,
+)
 
 _INTEGERS = {
     "char",
@@ -34,7 +41,7 @@ _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 class _Element(NamedTuple):
     """A table: how many rows, and the type of each column by its name; ``list`` before that of a list."""
 
-    count: int
+    rows: int
     columns: dict[str, str]
 
 
@@ -59,8 +66,7 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
             f"{path}: damaged PLY header, it needs a format, x, y and z of element vertex and one list "
             "vertex_indices of element face; export it again"
         )
-    if not face.count:
-        raise MeshError(f"{path}: has {vertex.count} points but no faces; export it as a triangle mesh")
+    refuse_points(path, vertex.rows, face.rows)
     if form == "ascii":
         lines = body[body.index(b"\n") :].splitlines()
         return _read_text(path, elements, corners[0], (words for line in lines if (words := line.split())))
@@ -98,10 +104,10 @@ def _header(path: Path, lines: Sequence[str]) -> tuple[str, dict[str, _Element]]
 
 def _read_text(path: Path, elements: dict[str, _Element], corners: str, rows: Iterator[Words]) -> RawMesh:
     cells: dict[str, dict[str, list[Words]]] = {}
-    missing = sum(element.count for element in elements.values())
+    missing = sum(element.rows for element in elements.values())
     for name, element in elements.items():
         columns = cells[name] = {column: [] for column in element.columns}
-        for row in itertools.islice(rows, element.count):
+        for row in itertools.islice(rows, element.rows):
             missing -= 1
             at = 0
             for column, kind in element.columns.items():
@@ -128,9 +134,9 @@ def _read_binary(path: Path, data: bytes, elements: dict[str, _Element], corners
     tables = mesh.metadata["_ply_raw"]
     for name, element in elements.items():
         for column, kind in element.columns.items():
-            if element.count and kind.startswith("list") and np.ptp(tables[name]["data"][column]["f0"]):
+            if element.rows and kind.startswith("list") and np.ptp(tables[name]["data"][column]["f0"]):
                 raise MeshError(other)
-    polygons = tables["face"]["data"][corners]["f1"].astype(np.int64).reshape(elements["face"].count, -1)
+    polygons = tables["face"]["data"][corners]["f1"].astype(np.int64).reshape(elements["face"].rows, -1)
     vertices = np.asarray(mesh.vertices, np.float64)
     fans = polygons.shape[1] - 2
     if fans < 1:

@@ -68,6 +68,19 @@ def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
             )
 
 
+def refuse_points(path: Path, vertices: int, faces: int) -> None:
+    """Refuse what has no faces.
+
+    Raises:
+        MeshError: so it is.
+    """
+    if not faces:
+        content = f"{vertices} points but no faces" if vertices else "no faces"
+        raise MeshError(
+            f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
+        )
+
+
 def check_points(path: Path, vertices: FloatArray) -> None:
     """Refuse coordinates that are no numbers, or so large that products of three overflow.
 
@@ -136,6 +149,7 @@ def read_mesh(path: Path, kind: str, data: bytes, vertices: int, faces: int, **o
     Raises:
         MeshError: as there; or a face names a vertex that is not there, or other counts are found.
     """
+    refuse_points(path, vertices, faces)
     scene = read_scene(path, kind, data, **options)
     for mesh in scene.geometry.values():
         check_indices(path, getattr(mesh, "faces", np.empty(0, np.int64)), len(mesh.vertices))

@@ -15,9 +15,7 @@ from xml.parsers import expat
 
 from packenv.errors import MeshError
 from packenv.geometry.readers.raw import (
-    MAX_FACES,
     MAX_FILE_BYTES,
-    MAX_VERTICES,
     RawMesh,
     brief,
     check_counts,
@@ -36,7 +34,8 @@ _METRES = {
     "meter": 1.0,
 }
 _MAX_DEPTH, _MAX_PARTS = 32, 10_000
-_MAX_TAGS = MAX_FACES + MAX_VERTICES + 100_000
+_MAX_TAGS = 2_000_000
+_NOT_SOLID = "holds negative, modifier or support volumes; export the finished solid"
 _DECLARATION = re.compile(rb"^(\xef\xbb\xbf)?\s*<\?xml[^>]*\?>")
 _PART_NUMBER = re.compile(rb"""\spartnumber\s*=\s*("[^"]*"|'[^']*')""")
 _HELPERS = re.compile(
@@ -65,10 +64,8 @@ def read_threemf(path: Path, data: bytes) -> RawMesh:
             raise MeshError(f"{path}: not a 3MF file, or damaged: it holds no {brief(root)}")
         text = archive.read(names[root])
         for name in names:
-            if name.startswith("metadata/") and _HELPERS.search(archive.read(names[name])):
-                raise MeshError(
-                    f"{path}: holds negative, modifier or support volumes; export the finished solid"
-                )
+            if name.endswith(".config") and _HELPERS.search(archive.read(names[name])):
+                raise MeshError(f"{path}: {_NOT_SOLID}")
     if b"\0" in text:
         raise MeshError(f"{path}: {brief(root)} is not in UTF-8; export it again")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
@@ -76,7 +73,7 @@ def read_threemf(path: Path, data: bytes) -> RawMesh:
     # Without its declaration a text is UTF-8 for every parser, and two items may be the same part.
     text = _PART_NUMBER.sub(b"", _DECLARATION.sub(b"", text))
     model = _Model(path, text)
-    vertices, faces, _ = model.placed(None, 0)
+    vertices, faces, _ = model.placed()
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         archive.writestr("3D/3dmodel.model", text)
@@ -90,9 +87,10 @@ class _Model:
     def __init__(self, path: Path, text: bytes) -> None:
         self.path = path
         self.unit = "millimeter"
-        self.sizes: dict[str | None, list[int]] = {None: [0, 0, 0]}
+        # Vertices and faces by object; None is the build plate.
+        self.sizes: dict[str | None, list[int]] = {None: [0, 0]}
         self.held: dict[str | None, list[str]] = {None: []}
-        self.totals: dict[str | None, tuple[int, int, int]] = {}
+        self.totals: dict[str | None, tuple[int, ...]] = {}
         self.here: str | None = None
         # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
         check_counts(path, vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
@@ -106,41 +104,36 @@ class _Model:
             raise ValueError(str(problem)) from None
         if self.unit not in _METRES:
             raise MeshError(f"{path}: its unit is {brief(self.unit)!r}, 3MF knows {', '.join(_METRES)}")
+        # trimesh walks no further than this, and leaves the rest out.
+        places = {*self.held, *(held for group in self.held.values() for held in group)}
+        self.most = min(_MAX_PARTS, sum(map(len, self.held.values())) * len(places))
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        tag = tag.rpartition(" ")[2]
-        if tag == "vertex":
-            for axis in "xyz":
-                float(attributes[axis])
-            self.sizes[self.here][0] += 1
-        elif tag == "triangle":
-            for corner in ("v1", "v2", "v3"):
-                int(attributes[corner])
-            self.sizes[self.here][1] += 1
-        elif tag == "mesh":
-            self.sizes[self.here][2] += 1
-        elif tag == "model":
-            self.unit = attributes.get("unit", self.unit)
-        elif tag == "object":
-            self.here = attributes["id"]
-            if self.here in self.sizes or not self.here.isdigit() or len(self.sizes) > _MAX_PARTS:
-                raise ValueError(
-                    f"object {brief(self.here)} is there twice or no number, or there are too many"
-                )
-            self.sizes[self.here], self.held[self.here] = [0, 0, 0], []
-            if attributes.get("type", "model") != "model":
-                raise MeshError(
-                    f"{self.path}: holds negative, modifier or support volumes; export the finished solid"
-                )
-        elif tag in ("component", "item"):
-            if any(key.endswith("path") for key in attributes):
-                raise MeshError(
-                    f"{self.path}: keeps parts in other model files (production extension); export one model"
-                )
-            self.held[self.here if tag == "component" else None].append(attributes["objectid"])
+        match tag.rpartition(" ")[2]:
+            case "vertex":
+                for axis in "xyz":
+                    float(attributes[axis])
+                self.sizes[self.here][0] += 1
+            case "triangle":
+                for corner in ("v1", "v2", "v3"):
+                    int(attributes[corner])
+                self.sizes[self.here][1] += 1
+            case "model":
+                self.unit = attributes.get("unit", self.unit)
+            case "object":
+                self.here = attributes["id"]
+                if self.here in self.sizes or not self.here.isdigit() or len(self.sizes) > _MAX_PARTS:
+                    raise ValueError(f"object {brief(self.here)}: there twice, no number, or one too many")
+                self.sizes[self.here], self.held[self.here] = [0, 0], []
+                if attributes.get("type", "model") != "model":
+                    raise MeshError(f"{self.path}: {_NOT_SOLID}")
+            case "component" | "item" as tag:
+                if any(key.endswith("path") for key in attributes):
+                    raise MeshError(f"{self.path}: keeps parts in other model files; export it as one model")
+                self.held[self.here if tag == "component" else None].append(attributes["objectid"])
 
-    def placed(self, thing: str | None, depth: int) -> tuple[int, int, int]:
-        """Vertices, faces and meshes of an object with all that it holds; of the build plate for None."""
+    def placed(self, thing: str | None = None, depth: int = 0) -> tuple[int, ...]:
+        """Vertices, faces and references of an object and all that it holds; None is the build plate."""
         if depth > _MAX_DEPTH:
             raise MeshError(
                 f"{self.path}: damaged 3MF file, its components are nested in a circle or too deep"
@@ -148,10 +141,9 @@ class _Model:
         if thing not in self.sizes:
             raise MeshError(f"{self.path}: damaged 3MF file, object {brief(thing)} is placed but not there")
         if thing not in self.totals:
-            sizes = [self.sizes[thing], *(self.placed(held, depth + 1) for held in self.held[thing])]
-            vertices, faces, parts = (sum(column) for column in zip(*sizes, strict=True))
+            rows = [(*self.sizes[thing], 1), *(self.placed(held, depth + 1) for held in self.held[thing])]
+            self.totals[thing] = vertices, faces, references = tuple(map(sum, zip(*rows, strict=True)))
             check_counts(self.path, vertices=vertices, faces=faces)
-            if parts > _MAX_PARTS or len(sizes) > _MAX_PARTS:
-                raise MeshError(f"{self.path}: more than {_MAX_PARTS:,} parts are placed; export fewer")
-            self.totals[thing] = vertices, faces, parts
+            if references > self.most + 1:
+                raise MeshError(f"{self.path}: its parts are placed too often, or nested; export fewer, flat")
         return self.totals[thing]
