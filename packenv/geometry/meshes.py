@@ -5,13 +5,19 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
-from packenv.geometry.mesh_files import file_bytes, parsed_mesh
-from packenv.geometry.readers.raw import RawMesh, check_points, refuse_points
+from packenv.geometry.readers.raw import (
+    RawMesh,
+    check_counts,
+    check_indices,
+    check_points,
+    refuse_points,
+)
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
@@ -48,26 +54,6 @@ class LoadedMesh:
     notes: tuple[str, ...] = ()
 
 
-def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
-    """Load an item's mesh, check it, and mend what can be mended without inventing a surface.
-
-    Args:
-        path: an stl, obj, ply, off, glb or 3mf file.
-        unit: ``m``, ``cm``, ``mm`` or ``in``; None takes the unit that a 3MF or GLB file states, else metres.
-
-    Returns:
-        The closed surface. A sound file keeps its exact coordinates; equal vertices of formats that
-        give every face its own (STL, GLB, 3MF) are made one.
-
-    Raises:
-        UnitError: an unknown unit, or an item larger than 2 m or smaller than 2 mm.
-        MeshError: everything else that is wrong with the file, one line that names it.
-    """
-    path = Path(path)
-    check_unit(unit)
-    return solid_mesh(path, parsed_mesh(path, file_bytes(path)), unit)
-
-
 def check_unit(unit: str | None) -> None:
     """Refuse a unit that is none of :data:`UNITS`; None is fine.
 
@@ -79,15 +65,20 @@ def check_unit(unit: str | None) -> None:
 
 
 def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
-    """Check and mend a mesh as :func:`load_mesh` does, whatever it came from.
+    """Check a mesh, whatever it came from, and mend what can be mended without inventing a surface.
 
     Args:
         path: the file, or what a mesh in memory is called in messages.
         raw: its content.
-        unit: as for :func:`load_mesh`.
+        unit: one of :data:`UNITS`; None takes the unit that the content states, else metres.
+
+    Returns:
+        The closed surface. A sound mesh keeps its exact coordinates; equal vertices are made one where
+        the format gives every face its own (STL, GLB, 3MF).
 
     Raises:
-        MeshError: something is wrong with it.
+        UnitError: an item larger than 2 m or smaller than 2 mm.
+        MeshError: everything else that is wrong with it, one line that names it.
     """
     refuse_points(path, len(raw.vertices), len(raw.faces))
     check_points(path, raw.vertices)
@@ -112,7 +103,7 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
 
     Args:
         name: name in the catalogue.
-        mesh: from :func:`load_mesh`.
+        mesh: from :func:`solid_mesh`.
         file: the mesh file's name inside its catalogue folder.
         mass: kg; None estimates it by :func:`packenv.geometry.mass.estimated_mass`.
 
@@ -144,6 +135,47 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
         repairs=mesh.repairs,
         notes=notes,
     )
+
+
+def item_of(mesh: Any, name: str, *, unit: str | None = None, mass: float | None = None) -> Item:
+    """Make an item of a mesh in memory, checked and mended as a mesh file is; see :meth:`Item.from_trimesh`.
+
+    Raises:
+        UnitError: an unknown unit, or an item larger than 2 m or smaller than 2 mm.
+        MeshError: everything else that is wrong with the mesh or the mass.
+    """
+    check_unit(unit)
+    where = Path(f"mesh {name!r}")
+    if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+        kind = type(mesh).__name__
+        raise MeshError(
+            f"{where}: is of type {kind}, give one with vertices and faces, such as trimesh.Trimesh"
+        )
+    try:
+        vertices = np.array(mesh.vertices, dtype=np.float64)
+        faces = np.array(mesh.faces, dtype=np.int64)
+    except (TypeError, ValueError):
+        raise MeshError(f"{where}: its vertices or faces are no numbers") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise MeshError(
+            f"{where}: vertices of shape {vertices.shape} and faces of {faces.shape}, give (n, 3) and (m, 3)"
+        )
+    check_counts(where, vertices=len(vertices), faces=len(faces))
+    check_indices(where, faces, len(vertices))
+    raw = RawMesh(vertices, faces, split=True, metres=_metres(getattr(mesh, "units", None)))
+    return make_item(name, solid_mesh(where, raw, unit), file=name, mass=mass)
+
+
+def _metres(stated: object) -> float | None:
+    """Length of the unit that a mesh states, in metres, or None where it states none that is known."""
+    if not isinstance(stated, str):
+        return None
+    from trimesh.units import unit_conversion
+
+    try:
+        return round(float(unit_conversion(stated, "meters")), 12)
+    except ValueError:
+        return None
 
 
 def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:

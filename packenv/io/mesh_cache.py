@@ -16,14 +16,14 @@ from packenv.io.cache_files import default_folder, read_arrays, write_arrays
 
 
 def kept_mesh(path: Path, unit: str | None, folder: Path | None = None) -> LoadedMesh:
-    """Load a mesh file as :func:`packenv.geometry.meshes.load_mesh` does, or read what was made of it before.
+    """Read, check and mend a mesh file, or read what was made of it before.
 
     A file is the same where its bytes, its extension and its unit are. Where the cache cannot be written,
     nothing is kept.
 
     Args:
         path: an stl, obj, ply, off, glb or 3mf file.
-        unit: as for :func:`packenv.geometry.meshes.load_mesh`.
+        unit: as for :func:`packenv.geometry.meshes.solid_mesh`.
         folder: the cache; the user's own where None.
 
     Raises:

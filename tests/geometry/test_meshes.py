@@ -17,9 +17,9 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import signed_volume
-from packenv.geometry.meshes import load_mesh, make_item
+from packenv.geometry.meshes import make_item
 from packenv.geometry.topology import is_solid
-from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_obj, write_ply
+from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_obj, write_ply
 
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 """The faces of a block."""

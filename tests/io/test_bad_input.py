@@ -15,11 +15,10 @@ import pytest
 
 from packenv.errors import CatalogueError, InputError, MeshError, OrderError, UnitError
 from packenv.geometry.mass import signed_volume
-from packenv.geometry.meshes import load_mesh
 from packenv.geometry.topology import is_solid
 from packenv.io.catalogues import open_catalogue
 from packenv.io.orders import read_order
-from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_obj, write_ply
+from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_obj, write_ply
 
 SUFFIXES = ("stl", "obj", "ply", "off", "glb", "3mf")
 

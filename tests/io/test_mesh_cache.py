@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from packenv.errors import MeshError, UnitError
-from packenv.geometry.meshes import FORMAT, LoadedMesh, load_mesh
+from packenv.geometry.meshes import FORMAT, LoadedMesh
 from packenv.io import mesh_cache
 from packenv.io.mesh_cache import kept_mesh
-from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_ply
+from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_ply
 
 
 def _same(a: LoadedMesh, b: LoadedMesh) -> None:
