@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from packenv.errors import InputError
 from packenv.observation import HEURISTIC_COLUMNS
-from packenv.planning.packer import MAX_CHECKED
+from packenv.planning.planner import MAX_CHECKED
 
 from .heuristics import RankAgent
 
@@ -15,7 +15,7 @@ class PlannerAgent(RankAgent):
     It takes the first valid candidate in the order of the heuristic if that is among the first
     ``max_checked`` legal ones, else it defers. *Defer* is Alg. 4's way into U; when the item comes back, the
     environment offers its stable poses on the pile of now, then the perturbed ones group by group. So with
-    physics off it places exactly as :meth:`packenv.planning.packer.Planner.pack` does without restarts, by
+    physics off it places exactly as :meth:`packenv.planning.planner.Planner.pack` does without restarts, by
     the rule of stability of the environment.
     """
 

@@ -36,8 +36,8 @@ from packenv.io.containers import parse_container, read_boxes
 from packenv.io.item_cache import ItemCache
 from packenv.io.shelves import ONE_USER, ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting
 from packenv.planning_job import PlanningJob
 from packenv.types import OrientedItem
 

@@ -31,7 +31,7 @@ from packenv.io.rows import row_key
 from packenv.io.shelves import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
-from packenv.planning.orientations import perturbations
+from packenv.planning.search.orientations import perturbations
 from packenv.types import Container, Order, Plan
 from packenv.version import __version__
 

@@ -30,10 +30,10 @@ if _TYPE_CHECKING:
     from packenv.io.catalogues import Catalogue as Catalogue
     from packenv.io.shelves import ItemShelf as ItemShelf
     from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
-    from packenv.planning.candidates import Candidates as Candidates
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
     from packenv.planning.options import PlanOptions as PlanOptions
-    from packenv.planning.scores import Heuristic as Heuristic
+    from packenv.planning.search.candidates import Candidates as Candidates
+    from packenv.planning.search.heuristics import Heuristic as Heuristic
     from packenv.reward import Outcome as Outcome, RewardFn as RewardFn
     from packenv.showing import show as show
     from packenv.types import (
@@ -52,13 +52,13 @@ if _TYPE_CHECKING:
 from packenv.version import __version__ as __version__
 
 _PUBLIC = {
-    "Candidates": "packenv.planning.candidates",
+    "Candidates": "packenv.planning.search.candidates",
     "Catalogue": "packenv.io.catalogues",
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
     "ExecutedPlan": "packenv.carrying_out",
     "GeneratedOrder": "packenv.order_generators",
-    "Heuristic": "packenv.planning.scores",
+    "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
     "Item": "packenv.types",
     "ItemShelf": "packenv.io.shelves",

@@ -39,9 +39,9 @@ from packenv.plan_items import (
     shelf_for,
     shelf_of,
 )
-from packenv.planning.measured import Resting
 from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
+from packenv.planning.search.measured import Resting
 from packenv.planning_job import PlanningJob
 from packenv.showing import show
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Inquiry, Memory
 from packenv.planning.packing import Pile
-from packenv.planning.scores import Heuristic
-from packenv.planning.turns import ranked
+from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.heuristics import Heuristic
+from packenv.planning.tiers import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
 _TILES = 4

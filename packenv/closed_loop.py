@@ -8,12 +8,12 @@ from typing import TypeAlias
 
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning import cup_kernels
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting, measured_map
-from packenv.planning.packer import Planner
+from packenv.planning.manipulation import cup_kernels
 from packenv.planning.packing import Packing
-from packenv.planning.replay import replay
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting, measured_map
+from packenv.planning.search.replay import replay
 from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.disturbance import Disturbance

@@ -21,7 +21,7 @@ from packenv.planning.options import (
 
 if TYPE_CHECKING:
     from packenv.planning.constraints import Constraint
-    from packenv.planning.scores import Heuristic
+    from packenv.planning.search.heuristics import Heuristic
 
 MaskLevel: TypeAlias = Literal["legal", "stable", "robot"]
 """What the action mask asks of a candidate: each level asks more than the one before."""

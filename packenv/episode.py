@@ -16,11 +16,11 @@ from packenv.piles import Arrangement, Landing, PlannedArrangement
 from packenv.planning.assembly import constraints_of, heuristic_of
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Memory, place
-from packenv.planning.manipulation_constraint import ManipulationConstraint
+from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import PlanOptions
-from packenv.planning.orientations import OrientationMemory, perturbations
-from packenv.planning.packer import by_box_volume
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import by_box_volume
+from packenv.planning.search.heuristics import HEURISTICS
+from packenv.planning.search.orientations import OrientationMemory, perturbations
 from packenv.planning.sequence import Piece, Turns, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 

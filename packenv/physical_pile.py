@@ -10,9 +10,9 @@ from packenv.io.assets import robot_urdf
 from packenv.io.shelves import ItemShelf
 from packenv.piles import Landing
 from packenv.planning.constraints import Constraint
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting, measured_map
 from packenv.planning.packing import Pile
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting, measured_map
 from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import ExecutionConfig, Session

@@ -19,11 +19,11 @@ from packenv.planning.assembly import (
     wary,
 )
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting, measured_map
 from packenv.planning.options import PlanOptions
-from packenv.planning.packer import Planner
-from packenv.planning.turns import Tier
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting, measured_map
+from packenv.planning.tiers import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig

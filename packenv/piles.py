@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from packenv.planning.constraints import Constraint
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.packing import Pile
+from packenv.planning.search.container_map import ContainerMap
 from packenv.types import Container, Placement, Pose
 
 

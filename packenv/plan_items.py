@@ -13,9 +13,9 @@ from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
 from packenv.io.memory import items_of_meshes
 from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.io.shelves import ItemShelf, shelf_in
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import OWN, Geometry, PlanOptions
-from packenv.planning.replay import replay_plan
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.replay import replay_plan
 from packenv.planning.sequence import pieces_of
 from packenv.types import Item, Plan
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from packenv.io.shelves import ItemShelf
 from packenv.planning.assembly import assemble
-from packenv.planning.measured import Resting, measured_map
 from packenv.planning.options import PlanOptions
-from packenv.planning.packer import Planner, by_box_volume
 from packenv.planning.packing import Packing
+from packenv.planning.planner import Planner, by_box_volume
+from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
 

@@ -15,15 +15,15 @@ import numpy as np
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.assembly import margin_rule
-from packenv.planning.contacts import Body, join, no_contacts
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.grasps import generate_grasps
-from packenv.planning.manipulation import ManipulationChecker
-from packenv.planning.margins import MarginRule, check_margin
+from packenv.planning.manipulation.checker import ManipulationChecker
+from packenv.planning.manipulation.grasps import generate_grasps
 from packenv.planning.options import GraspRule, PlanOptions
-from packenv.planning.replay import replay_plan
-from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import ContactFinder, contact_finder, grounded
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.replay import replay_plan
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.constraint import ContactFinder, contact_finder, grounded
+from packenv.planning.stability.contacts import Body, join, no_contacts
+from packenv.planning.stability.margins import MarginRule, check_margin
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.types import Contacts, Item, Placement, Plan

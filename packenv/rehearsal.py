@@ -10,12 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
 from packenv.planning.options import rules
-from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
-from packenv.planning.scores import HEURISTICS, name_of
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS, name_of
+from packenv.planning.search.measured import Resting
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying

@@ -11,10 +11,10 @@ import pytest
 from packenv.candidate_set import CandidateSet, choose
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.inquiry import Memory
 from packenv.planning.packing import Pile
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.types import Container
 from tests.env_samples import make_env
 

@@ -14,7 +14,7 @@ import trimesh
 
 from packenv.cli import main
 from packenv.planning.options import rules
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.search.heuristics import HEURISTICS
 from tests.conftest import REPO
 from tests.shapes import cup
 

@@ -9,7 +9,7 @@ import pytest
 
 from packenv.env import PackEnv
 from packenv.piles import Landing
-from packenv.planning.measured import Resting, measured_map
+from packenv.planning.search.measured import Resting, measured_map
 from tests.env_samples import best_action, make_env
 
 

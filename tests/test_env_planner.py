@@ -16,8 +16,8 @@ from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint
 from packenv.planning.options import Constraints, PlanOptions
-from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
+from packenv.planning.planner import by_box_volume
 from packenv.types import Container, Placement
 from tests.env_samples import COARSE, ITEMS, best_action
 from tests.planning.own_rules import Apart

@@ -10,8 +10,8 @@ import pytest
 
 from packenv.env import PackEnv
 from packenv.observation import FEATURES, HEURISTIC_COLUMNS, ITEM_FEATURES, STATE_FEATURES
-from packenv.planning.candidates import grid_search
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.search.candidates import grid_search
+from packenv.planning.search.heuristics import HEURISTICS
 from tests.env_samples import ITEMS, best_action, make_env, random_action
 
 

@@ -26,7 +26,7 @@ from packenv.order_generators.cuts import CUTS, Piece, Size
 from packenv.order_generators.from_names import is_test_item
 from packenv.planning.assembly import assemble
 from packenv.planning.options import PlanOptions
-from packenv.planning.packer import by_box_volume
+from packenv.planning.planner import by_box_volume
 from packenv.types import Container, OrderLine, Plan
 from tests.shelf_samples import shelf_of
 

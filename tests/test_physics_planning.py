@@ -16,9 +16,9 @@ from packenv.io.shelves import ItemShelf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict
-from packenv.planning.measured import Resting, measured_map
 from packenv.planning.options import PlanOptions, StabilityRule
 from packenv.planning.packing import Packing
+from packenv.planning.search.measured import Resting, measured_map
 from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance

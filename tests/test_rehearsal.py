@@ -9,9 +9,9 @@ import pytest
 
 from packenv.io.shelves import ItemShelf
 from packenv.physics_planning import make_planner, make_spares
-from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import Planner
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.rehearsal import ALTERNATIVES, LATER, Rehearsal, Rehearsed, pack_rehearsed
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask

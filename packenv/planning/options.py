@@ -13,7 +13,7 @@ from packenv.extensions import extension_name, is_extension
 
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
     from packenv.planning.constraints import Constraint
-    from packenv.planning.scores import Heuristic
+    from packenv.planning.search.heuristics import Heuristic
 
 HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "random"]
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
@@ -100,7 +100,7 @@ class PlanOptions:
 
     Attributes:
         heuristic: how candidates are ranked: a name, an own one as ``module:name``, or a function
-            (:mod:`packenv.planning.scores`).
+            (:mod:`packenv.planning.search.heuristics`).
         tie_break: c of ``hm`` and ``dblf``: weight of X + Y; None takes what measured best, the paper: 1.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
         own_constraints: further ones, each an object or ``module:name``.
@@ -336,7 +336,7 @@ def heuristic_label(heuristic: str | Heuristic) -> str:
     """The name of a heuristic in files and messages."""
     if isinstance(heuristic, str):
         return heuristic
-    from packenv.planning.scores import name_of
+    from packenv.planning.search.heuristics import name_of
 
     name = name_of(heuristic)
     return (extension_name(heuristic) or OWN) if name == "own" else name

@@ -19,9 +19,9 @@ from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.transforms import yaw_rotation
 from packenv.io.catalogues import open_catalogue
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Planner
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.types import Container, Item, OrientedItem, Placement, Plan
 
 GRID = GridConfig()

@@ -14,12 +14,12 @@ from packenv.errors import InputError
 from packenv.physics_planning import make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import Constraints, PlanOptions, StabilityRule
 from packenv.planning.own_rules import OwnHeuristic
-from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
-from packenv.planning.scores import DeepestBottomLeft
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import DeepestBottomLeft
 from packenv.types import Container, Plan
 from tests.planning import own_rules
 from tests.planning.own_rules import Always, Apart, Low, Never
