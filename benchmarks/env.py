@@ -39,7 +39,7 @@ from tqdm import tqdm
 
 from packenv import candidate_set, episode
 from packenv.env import PackEnv
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.observation import FEATURES, Observer
 from packenv.physical_pile import PhysicalArrangement
 from packenv.planning.manipulation.constraint import ManipulationConstraint

@@ -48,7 +48,7 @@ from packenv import api
 from packenv.config import GridConfig
 from packenv.io.assets import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.physics_planning import CAREFUL, STRICT
 from packenv.planning.options import PlanOptions
 from packenv.robot.cell import Cell

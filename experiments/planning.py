@@ -28,7 +28,7 @@ from packenv.commands.reporting import reported
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.planning.search.orientations import perturbations

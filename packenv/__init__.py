@@ -27,8 +27,8 @@ if _TYPE_CHECKING:
     from packenv.env import PackEnv as PackEnv
     from packenv.env_config import PackConfig as PackConfig
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
-    from packenv.io.catalogues import Catalogue as Catalogue
-    from packenv.io.shelves import ItemShelf as ItemShelf
+    from packenv.items.catalogue import Catalogue as Catalogue
+    from packenv.items.shelf import ItemShelf as ItemShelf
     from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
     from packenv.planning.options import PlanOptions as PlanOptions
@@ -53,7 +53,7 @@ from packenv.version import __version__ as __version__
 
 _PUBLIC = {
     "Candidates": "packenv.planning.search.candidates",
-    "Catalogue": "packenv.io.catalogues",
+    "Catalogue": "packenv.items.catalogue",
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
     "ExecutedPlan": "packenv.carrying_out",
@@ -61,7 +61,7 @@ _PUBLIC = {
     "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
     "Item": "packenv.types",
-    "ItemShelf": "packenv.io.shelves",
+    "ItemShelf": "packenv.items.shelf",
     "Leftover": "packenv.types",
     "Order": "packenv.types",
     "OrderGenerator": "packenv.order_generators",

@@ -11,8 +11,7 @@ from packenv.errors import InputError, PlanError
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
-from packenv.io.shelves import ItemShelf
-from packenv.plan_items import (
+from packenv.items.plan_items import (
     Items,
     options_again,
     options_of,
@@ -21,6 +20,7 @@ from packenv.plan_items import (
     shelf_of,
     surfaces_of,
 )
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning_job import PlanningJob

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from packenv.env_config import PackConfig
 from packenv.episode import Episode, Rules
 from packenv.errors import InputError
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.observation import Observation, Observer
 from packenv.order_generators import GeneratedOrder, OrderGenerator, make_generator, next_order
 from packenv.piles import Landing
@@ -278,11 +278,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
                 f"({'x'.join(f'{s:g}' for s in self._observer.largest)}): name its size in containers"
             )
         self._shelf.bring(order.meshes)
-        for name in order.items:
-            if name not in self._shelf:
-                raise InputError(
-                    f"the order asks for {name!r:.80}, which {self.config.catalogue} does not have"
-                )
+        self._shelf.check_known(order.items)
         self._drawn = (order, container)
         self._actions, self._told, self._invalid_on_end, self._left_over_told = [], [], 0, 0
         self._episode = Episode(self.config, self._rules, container, order.items)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from packenv.candidate_set import CandidateSet, choose
 from packenv.env_config import PackConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS, ItemView, View
 from packenv.piles import Arrangement, Landing, PlannedArrangement
 from packenv.planning.assembly import constraints_of, heuristic_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from packenv.episode import Episode
-from packenv.io.plan_maker import make_plan
+from packenv.items.plan_maker import make_plan
 from packenv.planning.packing import Packing
 from packenv.types import OrderLine, Plan
 

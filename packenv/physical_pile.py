@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from packenv.io.assets import robot_urdf
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.piles import Landing
 from packenv.planning.constraints import Constraint
 from packenv.planning.packing import Pile

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.scene import Scene, build_scene
-from packenv.plan_items import Items, options_of, require_plan, shelf_of, surfaces_of
+from packenv.items.plan_items import Items, options_of, require_plan, shelf_of, surfaces_of
 from packenv.types import Plan
 from packenv.watcher import SILENT, Watcher
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from packenv.audit import AuditReport, audit_plan, misstated_boxes
-from packenv.plan_items import Items, options_of, shelf_of
+from packenv.items.plan_items import Items, options_of, shelf_of
 from packenv.recheck import Recheck, recheck
 from packenv.types import Plan
 

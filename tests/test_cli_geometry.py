@@ -14,9 +14,9 @@ import trimesh
 from packenv.cli import main
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
 from packenv.io.plans import plan_to_json, read_plan
+from packenv.items.cache import ItemCache
+from packenv.items.catalogue import open_catalogue
 from packenv.types import Item
 
 SIZE = "0.2x0.2x0.12"

@@ -10,8 +10,8 @@ import pytest
 
 from packenv.config import GridConfig
 from packenv.env import PackEnv
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint

@@ -19,8 +19,8 @@ from packenv.errors import InputError
 from packenv.geometry.mass import solid_properties
 from packenv.geometry.stable_poses import stable_poses
 from packenv.geometry.topology import is_solid
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.order_generators import GeneratedOrder, OrderGenerator, ToyOrders, from_spec
 from packenv.order_generators.cuts import CUTS, Piece, Size
 from packenv.order_generators.from_names import is_test_item

@@ -12,7 +12,7 @@ from packenv.closed_loop import _still_good, run_closed_loop
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.io.assets import robot_urdf
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict

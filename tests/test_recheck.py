@@ -14,9 +14,9 @@ import pytest
 
 from packenv.config import GridConfig
 from packenv.errors import PlanError
-from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json, read_plan
-from packenv.io.shelves import ItemShelf
+from packenv.items.plan_maker import make_plan
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.options import Constraints, GraspRule, PlanOptions, StabilityRule
 from packenv.recheck import Recheck, recheck

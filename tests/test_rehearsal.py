@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.physics_planning import make_planner, make_spares
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner

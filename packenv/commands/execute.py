@@ -15,8 +15,8 @@ from packenv.commands.output import Terminal, say, say_json
 from packenv.errors import InputError
 from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs
-from packenv.io.shelves import ItemShelf
-from packenv.plan_items import open_plan, options_again
+from packenv.items.plan_items import open_plan, options_again
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.showing import check_suffix, show
 from packenv.types import Plan

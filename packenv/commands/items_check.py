@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 
 from packenv.commands.output import say, say_json
-from packenv.io.item_check import check_items, format_table
+from packenv.items.check import check_items, format_table
 
 
 def run(arguments: argparse.Namespace) -> int:

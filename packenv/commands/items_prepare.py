@@ -8,8 +8,8 @@ import time
 from packenv.commands.output import remark, say, say_json, with_progress
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
+from packenv.items.cache import ItemCache
+from packenv.items.catalogue import open_catalogue
 
 
 def run(arguments: argparse.Namespace) -> int:

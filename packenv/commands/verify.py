@@ -7,7 +7,7 @@ import argparse
 from packenv import api
 from packenv.audit import AuditReport
 from packenv.commands.output import say, say_json
-from packenv.plan_items import open_plan, options_of
+from packenv.items.plan_items import open_plan, options_of
 from packenv.verification import Verification
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")

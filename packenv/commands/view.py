@@ -6,7 +6,7 @@ import argparse
 
 from packenv.commands.output import Terminal, say
 from packenv.io.files import check_outputs
-from packenv.plan_items import open_plan
+from packenv.items.plan_items import open_plan
 from packenv.showing import check_suffix, show
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
-from packenv.errors import InputError, OrderError
-from packenv.io.catalogues import Catalogue, closest_match
+from packenv.errors import InputError, OrderError, closest_item, closest_match
 from packenv.io.orders import MAX_PIECES, read_order
+from packenv.items.catalogue import Catalogue
 from packenv.order_generators.cuts import CUTS
 from packenv.order_generators.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
 from packenv.order_generators.records import OrderGenerator
@@ -77,11 +77,8 @@ class _Reader:
     def known(self, *keys: str) -> None:
         for key in self._values:
             if key not in keys:
-                hint = closest_match(key, keys) if isinstance(key, str) and keys else ""
-                raise InputError(
-                    f"order generator {self.kind!r}: unknown key {_shown(key)}"
-                    f"{hint if 'mean' in hint else '; the keys are ' + ', '.join(keys)}"
-                )
+                hint = closest_match(key, keys, f"; the keys are {', '.join(keys)}")
+                raise InputError(f"order generator {self.kind!r}: unknown key {_shown(key)}{hint}")
 
     def wrong(self, key: str, right: str) -> InputError:
         return InputError(
@@ -183,7 +180,7 @@ def _list(reader: _Reader, catalogue: Names) -> OrderGenerator:
     items = reader.texts("items", 'a list of item names, such as ["mug"]')
     for name in items:
         if name not in catalogue:
-            hint = closest_match(name, tuple(catalogue))
+            hint = closest_item(name, tuple(catalogue))
             raise OrderError(f"order generator {reader.kind!r}: no item {name!r} in the catalogue{hint}")
     if len(items) > MAX_PIECES:
         raise OrderError(

@@ -34,7 +34,7 @@ EACH_WARY = 12
 
 
 class PlanningItems(Protocol):
-    """All that planning needs of items, by name; :class:`packenv.io.shelves.ItemShelf` has it."""
+    """All that planning needs of items, by name; :class:`packenv.items.shelf.ItemShelf` has it."""
 
     @property
     def grid(self) -> GridConfig:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
-from packenv.errors import InputError, check_known, is_number, nearest
+from packenv.errors import InputError, check_known, closest_match, is_number
 from packenv.extensions import extension_name, is_extension
 
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
@@ -74,7 +74,7 @@ class Rule:
             number: Any = value
             ok = is_number(value, whole=bool(self.whole)) and self.least <= number <= self.most
         if not ok:
-            hint = nearest(value, self.words) if isinstance(value, str) else ""
+            hint = closest_match(value, self.words) if isinstance(value, str) else ""
             raise InputError(f"{name} is {value!r:.60}, give {self.right}{hint}")
 
 

@@ -15,8 +15,8 @@ from packenv.agents.protocol import Agent
 from packenv.config import GridConfig
 from packenv.env import PackEnv
 from packenv.env_config import PackConfig
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.observation import FEATURES, HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
 from packenv.planning.options import PlanOptions

@@ -15,9 +15,9 @@ import pytest
 from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.io.plan_maker import make_plan
 from packenv.io.plans import plan_to_json
-from packenv.io.shelves import ItemShelf
+from packenv.items.plan_maker import make_plan
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import MARGIN, assemble
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.options import Constraints, PlanOptions, StabilityRule

@@ -18,7 +18,7 @@ from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.transforms import yaw_rotation
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import HEURISTICS

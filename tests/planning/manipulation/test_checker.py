@@ -12,7 +12,7 @@ from packenv.config import HEIGHT_QUANTUM
 from packenv.geometry.collision import Pose, Posed, overlap_depth, solid_of
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.transforms import yaw_rotation
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.planning.manipulation.checker import (
     REASONS,
     ManipulationChecker,

@@ -13,7 +13,7 @@ import trimesh
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import prepare_item
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.planning.manipulation.grasps import (
     FLAT_RELIEF,
     FLAT_SLOPE,

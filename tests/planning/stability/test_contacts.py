@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from packenv.config import GridConfig
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import prepare_item
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.planning.planner import Planner, by_box_volume
 from packenv.planning.search.heuristics import HEURISTICS
 from packenv.planning.stability.contact_patches import HULL, thin

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from packenv.errors import CatalogueError
+from packenv.errors import CatalogueError, closest_item
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
 from packenv.geometry.meshes import UNITS, check_unit, make_item
-from packenv.io.assets import assets_dir
-from packenv.io.mesh_cache import kept_mesh
+from packenv.io.assets import BUILTIN, MEMORY, assets_dir
 from packenv.io.tables import Row, read_table, read_text
+from packenv.items.mesh_cache import kept_mesh
 from packenv.types import Item
-
-BUILTIN = "builtin"
-"""Label of the catalogue that RobotPack brings along."""
-
-MEMORY = "<memory>"
-"""Label of a catalogue whose items are in no folder; no folder is likely to have this name."""
 
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
@@ -111,7 +104,7 @@ class Catalogue:
     def _entry(self, name: str) -> CatalogueEntry:
         if name not in self.entries:
             raise CatalogueError(
-                f"catalogue {self.label} has no item {name!r}{closest_match(name, self.entries)}"
+                f"catalogue {self.label} has no item {name!r}{closest_item(name, self.entries)}"
             )
         return self.entries[name]
 
@@ -155,18 +148,6 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
     except OSError as problem:
         raise CatalogueError(f"{label}: cannot be read ({problem.strerror})") from None
     return Catalogue(label, path, entries)
-
-
-def closest_match(name: str, names: Iterator[str] | dict[str, CatalogueEntry] | tuple[str, ...]) -> str:
-    """The end of a message about an unknown name: the closest one that exists, or how many there are."""
-    known = list(names)
-    lower = {n.lower(): n for n in known}
-    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
-    # A short name is often meant as part of a long one ("mug" for "025_mug").
-    inside = sorted((n for n in known if name.lower() in n.lower()), key=len) if len(name) >= 3 else []
-    if close or inside:
-        return f"; did you mean {inside[0] if inside else lower[close[0]]!r}?"
-    return f"; it has {len(known)} items, such as {known[0]!r}" if known else ""
 
 
 def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:

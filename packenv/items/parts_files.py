@@ -10,8 +10,8 @@ from packenv.errors import CatalogueError
 from packenv.geometry.ball_fit import fit_ball
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.geometry.meshes import UNITS
-from packenv.io.catalogues import Catalogue
 from packenv.io.tables import read_text
+from packenv.items.catalogue import Catalogue
 from packenv.types import FloatArray, Item
 
 _AGREE = 1e-4

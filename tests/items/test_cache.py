@@ -11,7 +11,7 @@ import pytest
 from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.io.item_cache import ItemCache, default_folder
+from packenv.items.cache import ItemCache, default_folder
 from packenv.types import Item
 from tests.shapes import ball, box, cup
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from packenv.errors import InputError
 from packenv.geometry.mass import hull_volume
-from packenv.io.catalogues import Catalogue, open_catalogue
+from packenv.items.catalogue import Catalogue, open_catalogue
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def check_items(
     """Load every item of a catalogue and say what is wrong with it.
 
     Args:
-        folder: as for :func:`packenv.io.catalogues.open_catalogue`.
+        folder: as for :func:`packenv.items.catalogue.open_catalogue`.
         unit: as there.
         progress: wraps the names to show how far the check is, as ``tqdm`` does.
 

@@ -6,8 +6,8 @@ import pytest
 
 from packenv.errors import CatalogueError, MeshError, UnitError
 from packenv.geometry.mass import estimated_mass, hull_volume
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_check import check_items, format_table
+from packenv.items.catalogue import open_catalogue
+from packenv.items.check import check_items, format_table
 from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_ply
 
 

@@ -7,12 +7,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from packenv.config import GridConfig
+from packenv.errors import OrderError, closest_item
 from packenv.geometry.convex_parts import ConvexParts, convex_parts, envelope
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.io.catalogues import Catalogue
-from packenv.io.item_cache import ItemCache
-from packenv.io.parts_files import exact_parts
+from packenv.items.cache import ItemCache
+from packenv.items.catalogue import Catalogue
+from packenv.items.parts_files import exact_parts
 from packenv.planning.options import Geometry
 from packenv.types import Item
 
@@ -205,6 +206,19 @@ class ItemShelf:
 
     def __contains__(self, name: object) -> bool:
         return name in self._brought or name in self.catalogue
+
+    def check_known(self, names: Iterable[str]) -> None:
+        """Refuse an order for items that there are not.
+
+        Raises:
+            OrderError: a name is neither in the catalogue nor brought along.
+        """
+        for name in dict.fromkeys(names):
+            if name not in self:
+                hint = closest_item(name, self.catalogue.names)
+                raise OrderError(
+                    f"the order asks for {name!r:.80}, which {self.catalogue.label} does not have{hint}"
+                )
 
     def _names(self) -> Iterable[str]:
         return dict.fromkeys([*self.catalogue.names, *self._brought])

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from packenv.errors import CatalogueError
-from packenv.io.catalogues import open_catalogue
-from packenv.io.parts_files import exact_parts, read_parts
+from packenv.items.catalogue import open_catalogue
+from packenv.items.parts_files import exact_parts, read_parts
 from tests import shapes
 
 CRATE = shapes.box(0.1, 0.08, 0.06, "crate")

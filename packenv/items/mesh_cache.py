@@ -12,7 +12,7 @@ import numpy as np
 from packenv.errors import InputError
 from packenv.geometry.mesh_files import file_bytes, parsed_mesh
 from packenv.geometry.meshes import FORMAT, LoadedMesh, check_unit, solid_mesh
-from packenv.io.cache_files import default_folder, read_arrays, write_arrays
+from packenv.items.cache_files import default_folder, read_arrays, write_arrays
 
 
 def kept_mesh(path: Path, unit: str | None, folder: Path | None = None) -> LoadedMesh:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 
 from packenv.io.plans import EnvelopeRecord
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.types import MeshRecord, OrderLine, Plan

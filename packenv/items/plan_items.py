@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
-from packenv.io.catalogues import MEMORY, Catalogue, open_catalogue
-from packenv.io.memory import items_of_meshes
+from packenv.io.assets import MEMORY
 from packenv.io.plans import EnvelopeRecord, read_plan
-from packenv.io.shelves import ItemShelf, shelf_in
+from packenv.items.catalogue import Catalogue, open_catalogue
+from packenv.items.memory import items_of_meshes
+from packenv.items.shelf import ItemShelf, shelf_in
 from packenv.planning.options import OWN, Geometry, PlanOptions
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan

@@ -12,9 +12,9 @@ import pytest
 from packenv.config import GridConfig
 from packenv.errors import CatalogueError
 from packenv.geometry.prepare import PreparedItem
-from packenv.io.catalogues import open_catalogue
-from packenv.io.item_cache import ItemCache
-from packenv.io.shelves import ItemShelf
+from packenv.items.cache import ItemCache
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.types import Item
 from tests.shapes import box
 from tests.shelf_samples import shelf_of

@@ -11,8 +11,8 @@ import pytest
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.meshes import FORMAT, LoadedMesh, load_mesh
-from packenv.io import mesh_cache
-from packenv.io.mesh_cache import kept_mesh
+from packenv.items import mesh_cache
+from packenv.items.mesh_cache import kept_mesh
 from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_ply
 
 
@@ -125,7 +125,7 @@ def test_a_cache_that_cannot_be_written_hinders_nothing(tmp_path: Path) -> None:
 def test_a_warm_catalogue_asks_no_mesh_library(tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_bytes(cup().export(file_type="ply"))
     code = (
-        "import sys; from packenv.io.catalogues import open_catalogue\n"
+        "import sys; from packenv.items.catalogue import open_catalogue\n"
         f"open_catalogue({str(tmp_path)!r}).item('a')\n"
         "sys.exit(int('trimesh' in sys.modules or 'manifold3d' in sys.modules))"
     )

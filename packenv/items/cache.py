@@ -15,7 +15,7 @@ from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT, ConvexParts, c
 from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT, SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.io.cache_files import default_folder, read_arrays, write_arrays
+from packenv.items.cache_files import default_folder, read_arrays, write_arrays
 from packenv.types import Item, OrientedItem, StablePose
 
 _FORMAT = 1
