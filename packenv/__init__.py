@@ -35,7 +35,6 @@ if _TYPE_CHECKING:
     from packenv.planning.search.candidates import Candidates as Candidates
     from packenv.planning.search.heuristics import Heuristic as Heuristic
     from packenv.reward import Outcome as Outcome, RewardFn as RewardFn
-    from packenv.showing import show as show
     from packenv.types import (
         Container as Container,
         Item as Item,
@@ -47,6 +46,7 @@ if _TYPE_CHECKING:
         RobotPath as RobotPath,
     )
     from packenv.verification import Verification as Verification, verify as verify
+    from packenv.view.show import show as show
     from packenv.watcher import Watcher as Watcher
 
 from packenv.version import __version__ as __version__
@@ -87,7 +87,7 @@ _PUBLIC = {
     "plan_rest": "packenv.api",
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",
-    "show": "packenv.showing",
+    "show": "packenv.view.show",
     "verify": "packenv.verification",
 }
 """Public names, and the modules that they are in."""

@@ -202,8 +202,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
             return None
-        from packenv.io.colours import item_colour
         from packenv.sim.render import Renderer
+        from packenv.view.colours import item_colour
 
         if self._renderer is None:
             self._renderer = Renderer(

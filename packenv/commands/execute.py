@@ -18,8 +18,8 @@ from packenv.io.files import check_outputs
 from packenv.items.plan_items import open_plan, options_again
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
-from packenv.showing import check_suffix, show
 from packenv.types import Plan
+from packenv.view.show import check_suffix, show
 
 if TYPE_CHECKING:
     from packenv.carrying_out import ExecutedPlan

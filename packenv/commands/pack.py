@@ -13,8 +13,8 @@ from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import PRESETS, PlanOptions, heuristic_label
 from packenv.planning_job import require_engine
-from packenv.showing import check_suffix, show
 from packenv.types import Plan
+from packenv.view.show import check_suffix, show
 
 _OUTPUTS = ("out", "html", "png")
 

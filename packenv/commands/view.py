@@ -7,7 +7,7 @@ import argparse
 from packenv.commands.output import Terminal, say
 from packenv.io.files import check_outputs
 from packenv.items.plan_items import open_plan
-from packenv.showing import check_suffix, show
+from packenv.view.show import check_suffix, show
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
 """Compiled kernels of the software renderer that colour a z-buffer: edges, light, lines.
 
-Screen coordinates and depth are those of :mod:`packenv.io.zbuffer_kernels`.
+Screen coordinates and depth are those of :mod:`packenv.view.zbuffer_kernels`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from packenv.io.zbuffer_kernels import NORMAL_SCALE
 from packenv.types import Float32Array, FloatArray
+from packenv.view.zbuffer_kernels import NORMAL_SCALE
 
 
 @njit(cache=True)
@@ -171,7 +171,7 @@ def shade(
 
     Args:
         nearness: (rows · samples, columns · samples).
-        owners: as ``nearness``; an index into ``colours`` or :data:`packenv.io.zbuffer_kernels.NOTHING`.
+        owners: as ``nearness``; an index into ``colours`` or :data:`packenv.view.zbuffer_kernels.NOTHING`.
         facing: as ``nearness``, with 3 values.
         marks: as ``nearness``, from :func:`mark_edges`.
         samples: sub-pixels along each side of a pixel.

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from packenv.errors import InputError
-from packenv.io.colours import hex_colour, item_colour
-from packenv.io.picture import fit_camera, render_image, render_plan_png
-from packenv.io.scene import Scene, build_scene
 from packenv.types import Container, Item, Placement, Plan
+from packenv.view.colours import hex_colour, item_colour
+from packenv.view.picture import fit_camera, render_image, render_plan_png
+from packenv.view.scene import Scene, build_scene
 from tests import shapes
 
 SIZE = (320, 240)

@@ -174,7 +174,7 @@ def paint(
     Returns:
         (height, width, 3) sRGB.
     """
-    from packenv.io import shading_kernels as shading, zbuffer_kernels as zbuffer
+    from packenv.view import shading_kernels as shading, zbuffer_kernels as zbuffer
 
     samples, size = quality.samples, camera.size
     columns, rows = size[0] * samples, size[1] * samples
@@ -248,7 +248,7 @@ def paint(
 
 def silhouette(surface: Surface, camera: Camera) -> NDArray[np.bool_]:
     """Which pixels a surface would cover if nothing were before it: (height, width)."""
-    from packenv.io import zbuffer_kernels as zbuffer
+    from packenv.view import zbuffer_kernels as zbuffer
 
     columns, rows = camera.size
     nearness = np.zeros((rows, columns), dtype=np.float32)
@@ -279,7 +279,7 @@ def _light_maps(
     Returns:
         (d, size, size) maps and (d, 3, 4) transforms from points to column, row and height, all in px.
     """
-    from packenv.io.zbuffer_kernels import draw_light_map
+    from packenv.view.zbuffer_kernels import draw_light_map
 
     low, high = around.min(axis=0), around.max(axis=0)
     scale = (size - 2) / float(np.linalg.norm(high - low))

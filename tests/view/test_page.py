@@ -18,10 +18,10 @@ import pytest
 from PIL import Image
 
 from packenv.errors import InputError, PlanError
-from packenv.io import viewer
-from packenv.io.scene import Scene, build_scene
-from packenv.io.viewer import LENGTH_UNIT, pack_integers, page_text, write_page
 from packenv.types import Container, Item, Leftover, Placement, Plan
+from packenv.view import page as viewer
+from packenv.view.page import LENGTH_UNIT, pack_integers, page_text, write_page
+from packenv.view.scene import Scene, build_scene
 from tests import shapes
 
 EVIL = "</script><script>window.evil=1</script><img src=x onerror=alert(1)> {{BUNDLE}} & \"q\" 'a'"
@@ -213,7 +213,7 @@ def test_the_bundle_is_built_from_the_sources_beside_it() -> None:
         sources.update(source.read_bytes())
     built = re.search(r"Sources: ([0-9a-f]{64})", (folder / "viewer.bundle.js").read_text(encoding="utf-8"))
     assert built is not None
-    assert built.group(1) == sources.hexdigest(), "run 'npm ci && npm run build' in packenv/io/viewer_page"
+    assert built.group(1) == sources.hexdigest(), "run 'npm ci && npm run build' in packenv/view/viewer_page"
 
 
 def test_ten_fine_items_stay_under_three_megabytes() -> None:

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from packenv.io.colours import item_colour
 from packenv.io.files import write_whole
-from packenv.io.painter import CREASE, Camera, Image, Quality, Surface, camera_around, paint, silhouette
-from packenv.io.robot_meshes import robot_meshes
 from packenv.robot.cell import Cell
 from packenv.robot.gripper import LENGTH
 from packenv.robot.tx90 import link_frames
 from packenv.types import Container, Float32Array, FloatArray, Frame, IntArray, Item, Plan, Pose
+from packenv.view.colours import item_colour
+from packenv.view.painter import CREASE, Camera, Image, Quality, Surface, camera_around, paint, silhouette
+from packenv.view.robot_meshes import robot_meshes
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowPicture
@@ -182,7 +182,7 @@ class Artist:
 
 
 def _shape(vertices: FloatArray, faces: IntArray, colour: tuple[int, int, int]) -> _Shape:
-    from packenv.io.zbuffer_kernels import corner_normals
+    from packenv.view.zbuffer_kernels import corner_normals
 
     whole = np.ascontiguousarray(faces, dtype=np.int64)
     return _Shape(vertices, whole, corner_normals(np.ascontiguousarray(vertices), whole, CREASE), colour)

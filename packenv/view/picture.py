@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from packenv.io.colours import item_colour
 from packenv.io.files import write_whole
-from packenv.io.painter import CREASE, Camera, Image, Quality, Surface, box_corners, camera_around, paint
-from packenv.io.scene import Scene
 from packenv.types import Container
+from packenv.view.colours import item_colour
+from packenv.view.painter import CREASE, Camera, Image, Quality, Surface, box_corners, camera_around, paint
+from packenv.view.scene import Scene
 
 
 def fit_camera(
@@ -57,7 +57,7 @@ def render_image(
     Raises:
         ValueError: ``step``, ``size`` or ``elevation`` is out of range.
     """
-    from packenv.io.zbuffer_kernels import corner_normals
+    from packenv.view.zbuffer_kernels import corner_normals
 
     shown = len(scene.steps) if step is None else step
     if not 0 <= shown <= len(scene.steps):

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from packenv.io.executions import mean_lengths
-from packenv.io.scene import Scene, build_scene
 from packenv.types import Item, Plan, Pose
+from packenv.view.scene import Scene, build_scene
 
 if TYPE_CHECKING:
     from packenv.sim.session import Execution, ItemOutcome

@@ -11,8 +11,8 @@ from PIL import Image
 
 import packenv as rp
 from packenv.cli import main
-from packenv.showing import SUFFIXES
 from packenv.types import FloatArray
+from packenv.view.show import SUFFIXES
 from tests.memory_samples import BOX, QUICK, meshes
 from tests.mesh_samples import write_three
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from packenv.errors import InputError
 from packenv.io.files import write_whole
-from packenv.io.scene import Scene, build_scene
 from packenv.items.plan_items import Items, options_of, require_plan, shelf_of, surfaces_of
 from packenv.types import Plan
+from packenv.view.scene import Scene, build_scene
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def show(
         content: bytes = plan.to_scene(poses, items).export(file_type="glb")  # type: ignore[no-untyped-call]
         write_whole(path, content)
     elif kind == ".gif":
-        from packenv.io.animation import planned_frames, write_gif
+        from packenv.view.animation import planned_frames, write_gif
 
         frames = planned_frames(plan) if executed is None else executed.frames
         ending = "" if executed is None else executed.verdict
@@ -96,7 +96,7 @@ def scene_of(
     shelf = shelf_of(plan, catalogue, unit=unit)
     items = {p.item: shelf.items[p.item] for p in plan.placements}
     if not isinstance(thing, Plan):
-        from packenv.io.execution_scene import executed_scene
+        from packenv.view.execution_scene import executed_scene
 
         return executed_scene(plan, items, thing.execution, thing.lying)
     try:
@@ -110,10 +110,10 @@ def scene_of(
 
 def _draw(path: Path, scene: Scene) -> None:
     if path.suffix.lower() == ".png":
-        from packenv.io.picture import render_plan_png
+        from packenv.view.picture import render_plan_png
 
         render_plan_png(path, scene)
     else:
-        from packenv.io.viewer import write_page
+        from packenv.view.page import write_page
 
         write_page(path, scene)

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.io.colours import hex_colour, item_colour
 from packenv.io.files import write_whole
-from packenv.io.scene import Scene, SceneStep
 from packenv.types import FloatArray, IntArray, Item
 from packenv.version import __version__
+from packenv.view.colours import hex_colour, item_colour
+from packenv.view.scene import Scene, SceneStep
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
