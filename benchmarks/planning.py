@@ -31,6 +31,7 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from packenv.cli import planning_options
 from packenv.commands.pack import options_from
+from packenv.execution.planning_job import PlanningJob
 from packenv.io.containers import parse_container, read_boxes
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import open_catalogue
@@ -38,7 +39,6 @@ from packenv.items.shelf import ONE_USER, ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
-from packenv.planning_job import PlanningJob
 from packenv.types import OrientedItem
 
 

@@ -23,10 +23,10 @@ if _TYPE_CHECKING:
         rehearse as rehearse,
         save_plan as save_plan,
     )
-    from packenv.carrying_out import ExecutedPlan as ExecutedPlan, execute as execute
     from packenv.env import PackEnv as PackEnv
     from packenv.env_config import PackConfig as PackConfig
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
+    from packenv.execution.execute import ExecutedPlan as ExecutedPlan, execute as execute
     from packenv.items.catalogue import Catalogue as Catalogue
     from packenv.items.shelf import ItemShelf as ItemShelf
     from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
@@ -56,7 +56,7 @@ _PUBLIC = {
     "Catalogue": "packenv.items.catalogue",
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
-    "ExecutedPlan": "packenv.carrying_out",
+    "ExecutedPlan": "packenv.execution.execute",
     "GeneratedOrder": "packenv.order_generators",
     "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
@@ -79,7 +79,7 @@ _PUBLIC = {
     "Verdict": "packenv.planning.constraints",
     "Verification": "packenv.verification",
     "Watcher": "packenv.watcher",
-    "execute": "packenv.carrying_out",
+    "execute": "packenv.execution.execute",
     "load_catalogue": "packenv.api",
     "load_order": "packenv.api",
     "load_plan": "packenv.api",

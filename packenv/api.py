@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from packenv.errors import InputError, OrderError
+from packenv.execution.planning_job import PlanningJob
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.orders import read_order
 from packenv.io.plans import write_plan
@@ -42,7 +43,6 @@ from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.search.measured import Resting
-from packenv.planning_job import PlanningJob
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose
 from packenv.verification import Verification, verify
 from packenv.view.show import show
@@ -51,8 +51,8 @@ from packenv.watcher import SILENT, Watcher
 if TYPE_CHECKING:
     import trimesh
 
-    from packenv.carrying_out import ExecutedPlan, execute
-    from packenv.rehearsal import Rehearsed
+    from packenv.execution.execute import ExecutedPlan, execute
+    from packenv.execution.rehearsal import Rehearsed
 
 __all__ = [
     "ExecutedPlan",
@@ -74,9 +74,9 @@ def __getattr__(name: str) -> Any:
     """Load the physics engine only for those who execute: not every Python has one."""
     if name not in ("execute", "ExecutedPlan"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import packenv.carrying_out
+    import packenv.execution.execute
 
-    return getattr(packenv.carrying_out, name)
+    return getattr(packenv.execution.execute, name)
 
 
 def load_catalogue(

@@ -22,7 +22,7 @@ from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 
 if TYPE_CHECKING:
-    from packenv.carrying_out import ExecutedPlan
+    from packenv.execution.execute import ExecutedPlan
     from packenv.sim.world import World
 
 _RULES = {"heuristic": "--heuristic", "own_constraints": "--constraint"}
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _executed(plan: Plan, shelf: ItemShelf, arguments: argparse.Namespace) -> ExecutedPlan:
-    from packenv.carrying_out import execute
+    from packenv.execution.execute import execute
     from packenv.quiet import engine_muted
 
     with engine_muted() if arguments.gui else nullcontext():

@@ -8,11 +8,11 @@ from dataclasses import fields
 
 from packenv import api
 from packenv.commands.output import Terminal, say, say_json
+from packenv.execution.planning_job import require_engine
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import PRESETS, PlanOptions, heuristic_label
-from packenv.planning_job import require_engine
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 

@@ -183,10 +183,10 @@ def assemble(
 
     Raises:
         InputError: an own heuristic or constraint cannot be used.
-        ValueError: the options ask for physics, which :mod:`packenv.physics_planning` adds.
+        ValueError: the options ask for physics, which :mod:`packenv.execution.physics_planner` adds.
     """
     if options.stability == "physics":
-        raise ValueError("stability is 'physics': let packenv.physics_planning make the planner")
+        raise ValueError("stability is 'physics': let packenv.execution.physics_planner make the planner")
     constraints = constraints_of(options, items, container, margins=margins)
     levels = clearances(options.clearance, options.grid)
     wider = bool(constraints) or options.search == "5d"

@@ -106,7 +106,7 @@ class PlanOptions:
         own_constraints: further ones, each an object or ``module:name``.
         stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
             while all others are held, and what has no such place goes last; ``margin``: the whole pile also
-            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
+            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.execution.physics_planner`).
         contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
@@ -117,7 +117,7 @@ class PlanOptions:
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
-            (:mod:`packenv.rehearsal`).
+            (:mod:`packenv.execution.rehearsal`).
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
             None takes ``parts`` where physics is asked, else ``mesh``; either is None where it is that, too,
             see :attr:`shape`.

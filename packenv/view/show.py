@@ -14,7 +14,7 @@ from packenv.view.scene import Scene, build_scene
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
-    from packenv.carrying_out import ExecutedPlan
+    from packenv.execution.execute import ExecutedPlan
 
 SUFFIXES = (".html", ".htm", ".png", ".gif", ".glb")
 """What :func:`show` writes."""

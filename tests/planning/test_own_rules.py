@@ -11,7 +11,7 @@ import pytest
 from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.physics_planning import make_planner
+from packenv.execution.physics_planner import make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.options import Constraints, PlanOptions, StabilityRule

@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from packenv.closed_loop import WORLDS, run_closed_loop
 from packenv.errors import InputError, PlanError
+from packenv.execution.closed_loop import WORLDS, run_closed_loop
+from packenv.execution.planning_job import PlanningJob
+from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
@@ -23,8 +25,6 @@ from packenv.items.plan_items import (
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
-from packenv.planning_job import PlanningJob
-from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import PlacementTask

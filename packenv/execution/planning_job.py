@@ -17,7 +17,7 @@ from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
-    from packenv.rehearsal import Rehearsed
+    from packenv.execution.rehearsal import Rehearsed
     from packenv.sim.world import WorldConfig
 
 
@@ -78,7 +78,7 @@ class PlanningJob:
         """The planner for a container."""
         if self.options.stability != "physics":
             return assemble(self.options, self.shelf, box, margins=self.margins, give_up=give_up)
-        from packenv.physics_planning import make_planner
+        from packenv.execution.physics_planner import make_planner
 
         return make_planner(
             self.options,
@@ -92,7 +92,7 @@ class PlanningJob:
 
     def spares(self, box: Container) -> tuple[Planner, ...]:
         """Planners to ask where the plan of the chosen one fails in rehearsal."""
-        from packenv.physics_planning import make_spares
+        from packenv.execution.physics_planner import make_spares
 
         return make_spares(self.options, self.shelf, box, margins=self.margins)
 
@@ -121,8 +121,8 @@ class PlanningJob:
         self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()
     ) -> Rehearsed:
         """What is left of plans that were carried out in simulated worlds."""
+        from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
         from packenv.io.assets import robot_urdf
-        from packenv.rehearsal import Rehearsal, pack_rehearsed
         from packenv.sim.drop_test import Lying
 
         physics = self.shelf.physics

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.manipulation import cup_kernels
@@ -14,7 +15,6 @@ from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.planning.search.replay import replay
-from packenv.rehearsal import Rehearsal, pack_rehearsed
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying

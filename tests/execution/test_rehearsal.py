@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from packenv.execution.physics_planner import make_planner, make_spares
+from packenv.execution.rehearsal import ALTERNATIVES, LATER, Rehearsal, Rehearsed, pack_rehearsed
 from packenv.items.shelf import ItemShelf
-from packenv.physics_planning import make_planner, make_spares
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.rehearsal import ALTERNATIVES, LATER, Rehearsal, Rehearsed, pack_rehearsed
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
@@ -20,10 +20,10 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
+from tests.execution.test_physics_planner import BOX, GRID, NAMES, options_of, where
 from tests.shapes import box
 from tests.shelf_samples import FOUR_BOXES, shelf_of
 from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
-from tests.test_physics_planning import BOX, GRID, NAMES, options_of, where
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
 ALL = {**FOUR_BOXES, "plank": PLANK, "pole": POLE}

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.closed_loop import _still_good, run_closed_loop
 from packenv.config import GridConfig
+from packenv.execution.closed_loop import _still_good, run_closed_loop
+from packenv.execution.physics_planner import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
+from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.heightmaps import orient_item
 from packenv.io.assets import robot_urdf
 from packenv.items.shelf import ItemShelf
-from packenv.physics_planning import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.options import PlanOptions, StabilityRule
 from packenv.planning.packing import Packing
 from packenv.planning.search.measured import Resting, measured_map
-from packenv.rehearsal import Rehearsal
 from packenv.robot.cell import Cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
@@ -115,7 +115,7 @@ def test_what_goes_well_in_rehearsal_is_gone_on_with(
     shelf: ItemShelf, physics: dict[str, PhysicsItem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However doubtful the next placement looks."""
-    monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
+    monkeypatch.setattr("packenv.execution.closed_loop._still_good", lambda *_: False)
     packing, result = looped(shelf, physics, None)
     assert result.success
     assert result.plans == 1
@@ -138,7 +138,7 @@ def test_planning_anew_after_every_item_packs_them_all_too(
         asked.append(rehearsal)
         return done if new else replace(done, success=False)
 
-    monkeypatch.setattr("packenv.closed_loop._still_good", lambda *_: False)
+    monkeypatch.setattr("packenv.execution.closed_loop._still_good", lambda *_: False)
     monkeypatch.setattr(Rehearsal, "execution", execution)
     _, result = looped(shelf, physics, None)
     assert result.success
@@ -244,7 +244,7 @@ def test_physics_costs_no_item(shelf: ItemShelf, physics: dict[str, PhysicsItem]
 
     plain = planned(options_of(stability="paper"), shelf, physics)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("packenv.physics_planning.PhysicsConstraint", Never)
+        patch.setattr("packenv.execution.physics_planner.PhysicsConstraint", Never)
         packing = planned(options_of(stability="physics"), shelf, physics)
         alone = planned(options_of(stability="physics", restarts=0), shelf, physics)
     assert packing.complete

@@ -240,7 +240,7 @@ def make_planner(
 def make_spares(
     options: PlanOptions, items: PlanningItems, container: Container, *, margins: bool = False
 ) -> tuple[Planner, ...]:
-    """Planners to ask where the plan of the chosen one fails in rehearsal (:mod:`packenv.rehearsal`).
+    """Planners to ask where the plan of the chosen one fails in rehearsal (:mod:`packenv.execution.rehearsal`).
 
     The cautious rule knows places that no drop confirms, and asks a tenth of the time; what its plans are
     worth, the rehearsal tells. Where clearance is asked for, a second one does without it: of an order that
