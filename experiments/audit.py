@@ -29,7 +29,7 @@ from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Order
-from packenv.verification import verify
+from packenv.verification.report import verify
 from packenv.version import __version__
 
 GRID = GridConfig()

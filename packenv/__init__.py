@@ -45,7 +45,7 @@ if _TYPE_CHECKING:
         Pose as Pose,
         RobotPath as RobotPath,
     )
-    from packenv.verification import Verification as Verification, verify as verify
+    from packenv.verification.report import Verification as Verification, verify as verify
     from packenv.view.show import show as show
     from packenv.watcher import Watcher as Watcher
 
@@ -77,7 +77,7 @@ _PUBLIC = {
     "RobotPath": "packenv.types",
     "Trial": "packenv.planning.constraints",
     "Verdict": "packenv.planning.constraints",
-    "Verification": "packenv.verification",
+    "Verification": "packenv.verification.report",
     "Watcher": "packenv.watcher",
     "execute": "packenv.execution.execute",
     "load_catalogue": "packenv.api",
@@ -88,7 +88,7 @@ _PUBLIC = {
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",
     "show": "packenv.view.show",
-    "verify": "packenv.verification",
+    "verify": "packenv.verification.report",
 }
 """Public names, and the modules that they are in."""
 

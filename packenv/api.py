@@ -44,7 +44,7 @@ from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose
-from packenv.verification import Verification, verify
+from packenv.verification.report import Verification, verify
 from packenv.view.show import show
 from packenv.watcher import SILENT, Watcher
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.mass import solid_properties
@@ -28,6 +27,7 @@ from packenv.planning.assembly import assemble
 from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
 from packenv.types import Container, OrderLine, Plan
+from packenv.verification.exact_meshes import audit_plan
 from tests.shelf_samples import shelf_of
 
 NAMES = tuple(f"item-{k}" for k in range(40))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 
 from packenv import api
-from packenv.audit import AuditReport
 from packenv.commands.output import say, say_json
 from packenv.items.plan_items import open_plan, options_of
-from packenv.verification import Verification
+from packenv.verification.exact_meshes import AuditReport
+from packenv.verification.report import Verification
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")
 _WITH_PARTS = "with convex parts: "

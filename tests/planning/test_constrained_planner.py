@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.plans import plan_to_json
@@ -32,8 +31,9 @@ from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin
 from packenv.planning.tiers import Strategy, Tier
-from packenv.recheck import Recheck, recheck
 from packenv.types import Container, OrderLine, OrientedItem, Placement, Plan
+from packenv.verification.exact_meshes import audit_plan
+from packenv.verification.stability_and_reach import Recheck, recheck
 from tests.shapes import ball, box, cup, cylinder
 from tests.shelf_samples import shelf_of
 

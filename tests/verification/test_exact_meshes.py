@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from packenv.audit import AuditReport, audit_plan
 from packenv.errors import InputError, PlanError
 from packenv.types import Container, FloatArray, Item, Placement, Plan
+from packenv.verification.exact_meshes import AuditReport, audit_plan
 
 CONTAINER = Container(0.4, 0.3, 0.2)
 C = 2e-5

@@ -19,10 +19,10 @@ from packenv.items.plan_maker import make_plan
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.options import Constraints, GraspRule, PlanOptions, StabilityRule
-from packenv.recheck import Recheck, recheck
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.types import Container, FloatArray, OrderLine, Placement, Plan, RobotPath
+from packenv.verification.stability_and_reach import Recheck, recheck
 from tests.shapes import box, cup, cylinder
 from tests.shelf_samples import shelf_of
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from packenv.audit import AuditReport, audit_plan, misstated_boxes
 from packenv.items.plan_items import Items, options_of, shelf_of
-from packenv.recheck import Recheck, recheck
 from packenv.types import Plan
+from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
+from packenv.verification.stability_and_reach import Recheck, recheck
 
 
 @dataclass(frozen=True, eq=False)
