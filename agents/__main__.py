@@ -117,7 +117,7 @@ def _run(arguments: argparse.Namespace) -> int:
     orders = given if own else _document(given, "--order-generator")
 
     # Only now: --help and mistakes need not wait for the planner's libraries.
-    from packenv.env_config import PackConfig
+    from packenv.env.config import PackConfig
 
     from .running import AgentSpec, EpisodeRecord, FailedEpisode, Setting, episode_jobs
     from .summary import summarize, table

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from packenv.env.observation import HEURISTIC_COLUMNS
 from packenv.errors import InputError
-from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.planner import MAX_CHECKED
 
 from .heuristics import RankAgent
@@ -23,7 +23,7 @@ class PlannerAgent(RankAgent):
         """Choose the planner.
 
         Args:
-            heuristic: one of :data:`packenv.observation.HEURISTIC_COLUMNS`.
+            heuristic: one of :data:`packenv.env.observation.HEURISTIC_COLUMNS`.
             max_checked: the paper's N; beyond that of the environment's configuration it only asks for what
                 happens to be among the candidates.
 

@@ -37,11 +37,11 @@ import numpy as np
 import psutil
 from tqdm import tqdm
 
-from packenv import candidate_set, episode
-from packenv.env import PackEnv
+from packenv.env import candidate_set, episode
+from packenv.env.observation import FEATURES, Observer
+from packenv.env.pack_env import PackEnv
+from packenv.env.physical_arrangement import PhysicalArrangement
 from packenv.items.catalogue import open_catalogue
-from packenv.observation import FEATURES, Observer
-from packenv.physical_pile import PhysicalArrangement
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.search import heuristics as scores
 from packenv.planning.stability import (

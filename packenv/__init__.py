@@ -23,18 +23,18 @@ if _TYPE_CHECKING:
         rehearse as rehearse,
         save_plan as save_plan,
     )
-    from packenv.env import PackEnv as PackEnv
-    from packenv.env_config import PackConfig as PackConfig
+    from packenv.env.config import PackConfig as PackConfig
+    from packenv.env.orders import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
+    from packenv.env.pack_env import PackEnv as PackEnv
+    from packenv.env.reward import Outcome as Outcome, RewardFn as RewardFn
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
     from packenv.execution.execute import ExecutedPlan as ExecutedPlan, execute as execute
     from packenv.items.catalogue import Catalogue as Catalogue
     from packenv.items.shelf import ItemShelf as ItemShelf
-    from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
     from packenv.planning.options import PlanOptions as PlanOptions
     from packenv.planning.search.candidates import Candidates as Candidates
     from packenv.planning.search.heuristics import Heuristic as Heuristic
-    from packenv.reward import Outcome as Outcome, RewardFn as RewardFn
     from packenv.types import (
         Container as Container,
         Item as Item,
@@ -57,22 +57,22 @@ _PUBLIC = {
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
     "ExecutedPlan": "packenv.execution.execute",
-    "GeneratedOrder": "packenv.order_generators",
+    "GeneratedOrder": "packenv.env.orders",
     "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
     "Item": "packenv.types",
     "ItemShelf": "packenv.items.shelf",
     "Leftover": "packenv.types",
     "Order": "packenv.types",
-    "OrderGenerator": "packenv.order_generators",
-    "Outcome": "packenv.reward",
-    "PackConfig": "packenv.env_config",
-    "PackEnv": "packenv.env",
+    "OrderGenerator": "packenv.env.orders",
+    "Outcome": "packenv.env.reward",
+    "PackConfig": "packenv.env.config",
+    "PackEnv": "packenv.env.pack_env",
     "Placement": "packenv.types",
     "Plan": "packenv.types",
     "PlanOptions": "packenv.planning.options",
     "Pose": "packenv.types",
-    "RewardFn": "packenv.reward",
+    "RewardFn": "packenv.env.reward",
     "RobotPackError": "packenv.errors",
     "RobotPath": "packenv.types",
     "Trial": "packenv.planning.constraints",
@@ -94,7 +94,7 @@ _PUBLIC = {
 
 __all__ = [*sorted(_PUBLIC), "__version__"]
 
-_register("RobotPack-v0", entry_point="packenv.env:PackEnv")
+_register("RobotPack-v0", entry_point="packenv.env.pack_env:PackEnv")
 
 
 def __getattr__(name: str) -> _Any:

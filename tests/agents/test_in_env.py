@@ -13,11 +13,11 @@ from packenv import agents
 from packenv.agents.planner import PlannerAgent
 from packenv.agents.protocol import Agent
 from packenv.config import GridConfig
-from packenv.env import PackEnv
-from packenv.env_config import PackConfig
+from packenv.env.config import PackConfig
+from packenv.env.observation import FEATURES, HEURISTIC_COLUMNS
+from packenv.env.pack_env import PackEnv
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
-from packenv.observation import FEATURES, HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing

@@ -11,15 +11,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from packenv.env_config import PackConfig
-from packenv.episode import Episode, Rules
+from packenv.env.arrangement import Landing
+from packenv.env.config import PackConfig
+from packenv.env.episode import Episode, Rules
+from packenv.env.observation import Observation, Observer
+from packenv.env.orders import GeneratedOrder, OrderGenerator, make_generator, next_order
+from packenv.env.reward import Outcome, RewardFn, make_reward
 from packenv.errors import InputError
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
-from packenv.observation import Observation, Observer
-from packenv.order_generators import GeneratedOrder, OrderGenerator, make_generator, next_order
-from packenv.piles import Landing
-from packenv.reward import Outcome, RewardFn, make_reward
 from packenv.types import Container, Placement, Plan
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Its poses are the planned ones, with physics too. Scores are those of the first heuristic column.
         """
-        from packenv.episode_plan import episode_plan
+        from packenv.env.episode_plan import episode_plan
 
         return episode_plan(self._running())
 

@@ -6,10 +6,10 @@ from dataclasses import fields
 
 import pytest
 
-from packenv.env import PackEnv
-from packenv.env_config import PackConfig
-from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
-from packenv.reward import Outcome
+from packenv.env.config import PackConfig
+from packenv.env.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
+from packenv.env.pack_env import PackEnv
+from packenv.env.reward import Outcome
 from tests.conftest import REPO
 from tests.env_samples import make_env
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from packenv.env.orders.records import GeneratedOrder
 from packenv.errors import InputError
-from packenv.order_generators.records import GeneratedOrder
 
 
 def is_test_item(name: str, share: float) -> bool:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from packenv.env.orders.records import GeneratedOrder, OrderGenerator
+from packenv.env.orders.spec import DEFAULT_SPEC, Names, from_spec
 from packenv.errors import InputError
 from packenv.extensions import made_extension
-from packenv.order_generators.records import GeneratedOrder, OrderGenerator
-from packenv.order_generators.spec import DEFAULT_SPEC, Names, from_spec
 
 
 def make_generator(
@@ -55,7 +55,7 @@ def next_order(generator: OrderGenerator, rng: np.random.Generator) -> Generated
     if not isinstance(order, GeneratedOrder):
         raise InputError(
             f"order_generator: generate returned {order!r:.60}, give a "
-            "packenv.order_generators.GeneratedOrder(items=...)"
+            "packenv.env.orders.GeneratedOrder(items=...)"
         )
     return order
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from packenv.env.arrangement import Landing
 from packenv.io.assets import robot_urdf
 from packenv.items.shelf import ItemShelf
-from packenv.piles import Landing
 from packenv.planning.constraints import Constraint
 from packenv.planning.packing import Pile
 from packenv.planning.search.container_map import ContainerMap

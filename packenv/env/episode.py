@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.candidate_set import CandidateSet, choose
-from packenv.env_config import PackConfig
+from packenv.env.arrangement import Arrangement, Landing, PlannedArrangement
+from packenv.env.candidate_set import CandidateSet, choose
+from packenv.env.config import PackConfig
+from packenv.env.observation import HEURISTIC_COLUMNS, ItemView, View
 from packenv.geometry.prepare import PreparedItem
 from packenv.items.shelf import ItemShelf
-from packenv.observation import HEURISTIC_COLUMNS, ItemView, View
-from packenv.piles import Arrangement, Landing, PlannedArrangement
 from packenv.planning.assembly import constraints_of, heuristic_of
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Memory, place
@@ -103,7 +103,7 @@ class Episode:
         config = self.config
         if not config.physics:
             return PlannedArrangement(self.container, config.grid.cell_size, self.constraints)
-        from packenv.physical_pile import PhysicalArrangement
+        from packenv.env.physical_arrangement import PhysicalArrangement
 
         return PhysicalArrangement(
             self.container, config.grid.cell_size, self.constraints, self.shelf, robot=config.mask == "robot"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.env import PackEnv
-from packenv.observation import FEATURES, HEURISTIC_COLUMNS, ITEM_FEATURES, STATE_FEATURES
+from packenv.env.observation import FEATURES, HEURISTIC_COLUMNS, ITEM_FEATURES, STATE_FEATURES
+from packenv.env.pack_env import PackEnv
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.heuristics import HEURISTICS
 from tests.env_samples import ITEMS, best_action, make_env, random_action

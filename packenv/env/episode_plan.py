@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from packenv.episode import Episode
+from packenv.env.episode import Episode
 from packenv.items.plan_maker import make_plan
 from packenv.planning.packing import Packing
 from packenv.types import OrderLine, Plan

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from packenv.config import GridConfig
-from packenv.env import PackEnv
+from packenv.env.observation import HEURISTIC_COLUMNS
+from packenv.env.pack_env import PackEnv
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
-from packenv.observation import HEURISTIC_COLUMNS
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint
 from packenv.planning.options import Constraints, PlanOptions

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from packenv.env.reward import WEIGHTS, Outcome, make_reward
 from packenv.errors import InputError
-from packenv.reward import WEIGHTS, Outcome, make_reward
 from tests.env_samples import best_action, make_env, volume_alone
 
 NOTHING = Outcome(
@@ -101,8 +101,8 @@ def test_anything_else_is_told_in_one_line(returned: Any, told: str) -> None:
 @pytest.mark.parametrize(
     ("choice", "told"),
     [
-        ("tests.test_reward:NO_REWARD", r"NO_REWARD: is 3\.0, name a function"),
-        ("tests.test_reward:no_such_reward", "has no 'no_such_reward'"),
+        ("tests.env.test_reward:NO_REWARD", r"NO_REWARD: is 3\.0, name a function"),
+        ("tests.env.test_reward:no_such_reward", "has no 'no_such_reward'"),
         ("packed", "my_module:my_r"),
         (1.0, r"reward_fn is 1\.0, give weights by term, a function"),
         ([1.0], r"reward_fn is \[1\.0\], give weights by term, a function"),

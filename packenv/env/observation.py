@@ -17,12 +17,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from packenv.env_config import PackConfig
+from packenv.env.config import PackConfig
 from packenv.planning.options import heuristic_label
 from packenv.types import Container, Float32Array, FloatArray
 
 if TYPE_CHECKING:
-    from packenv.candidate_set import CandidateSet
+    from packenv.env.candidate_set import CandidateSet
     from packenv.geometry.prepare import PreparedItem
 
 HEURISTIC_COLUMNS = ("hm", "dblf", "mta", "minz", "first-fit")
@@ -243,7 +243,7 @@ class Observer:
         return pooled
 
     def _candidates(self, view: View) -> FloatArray:
-        from packenv.planning.support import support_margin
+        from packenv.env.support import support_margin
 
         table = np.zeros((self.config.candidates, len(self.features)))
         offered = view.offered

@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import packenv as rp
 from packenv.cli import main
-from packenv.observation import FEATURES
+from packenv.env.observation import FEATURES
 from packenv.planning.search.candidates import grid_search
 from tests import own_rules
 from tests.env_samples import CONFIG, ITEMS, ORDER, best_action, make_env, random_action, run_episode

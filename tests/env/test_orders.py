@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given, strategies as st
 
 from packenv.config import GridConfig
+from packenv.env.orders import GeneratedOrder, OrderGenerator, ToyOrders, from_spec
+from packenv.env.orders.cuts import CUTS, Piece, Size
+from packenv.env.orders.from_names import is_test_item
 from packenv.errors import InputError
 from packenv.geometry.mass import solid_properties
 from packenv.geometry.stable_poses import stable_poses
 from packenv.geometry.topology import is_solid
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
-from packenv.order_generators import GeneratedOrder, OrderGenerator, ToyOrders, from_spec
-from packenv.order_generators.cuts import CUTS, Piece, Size
-from packenv.order_generators.from_names import is_test_item
 from packenv.planning.assembly import assemble
 from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume

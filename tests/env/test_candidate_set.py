@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.candidate_set import CandidateSet, choose
-from packenv.observation import HEURISTIC_COLUMNS
+from packenv.env.candidate_set import CandidateSet, choose
+from packenv.env.observation import HEURISTIC_COLUMNS
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.inquiry import Memory
 from packenv.planning.packing import Pile

@@ -8,13 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
+from packenv.env.orders.cuts import CUTS
+from packenv.env.orders.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
+from packenv.env.orders.records import OrderGenerator
+from packenv.env.orders.toys import DEFAULT_CONTAINER, MOST_PIECES, ToyOrders
 from packenv.errors import InputError, OrderError, closest_item, closest_match
 from packenv.io.orders import MAX_PIECES, read_order
 from packenv.items.catalogue import Catalogue
-from packenv.order_generators.cuts import CUTS
-from packenv.order_generators.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
-from packenv.order_generators.records import OrderGenerator
-from packenv.order_generators.toys import DEFAULT_CONTAINER, MOST_PIECES, ToyOrders
 from packenv.types import Container
 
 Names: TypeAlias = Catalogue | Collection[str]
@@ -43,7 +43,7 @@ def from_spec(spec: Mapping[str, object], catalogue: Names) -> OrderGenerator:
     - ``path``: a file, a folder (its .csv and .json files by name), or a list of both;
     - ``shuffle`` (false): draw one of them instead of taking turns.
 
-    ``{"kind": "toy"}`` cuts a box into pieces, see :class:`packenv.order_generators.ToyOrders`:
+    ``{"kind": "toy"}`` cuts a box into pieces, see :class:`packenv.env.orders.ToyOrders`:
 
     - ``pieces`` ([4, 8]): a number or [least, most];
     - ``container`` ([0.32, 0.32, 0.30]): [length, width, height], m;

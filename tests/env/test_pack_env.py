@@ -17,10 +17,10 @@ from gymnasium.utils.env_checker import check_env, data_equivalence, data_shares
 from gymnasium.vector import AutoresetMode
 
 import packenv
-from packenv.env import PackEnv
-from packenv.env_config import PackConfig
+from packenv.env.config import PackConfig
+from packenv.env.pack_env import PackEnv
+from packenv.env.reward import Outcome
 from packenv.errors import InputError
-from packenv.reward import Outcome
 from tests.env_samples import CONFIG, ITEMS, ORDER, Drawn, best_action, make_env, random_action, run_episode
 
 MODES: dict[str, dict[str, Any]] = {

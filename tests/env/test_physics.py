@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.env import PackEnv
-from packenv.piles import Landing
+from packenv.env.arrangement import Landing
+from packenv.env.pack_env import PackEnv
 from packenv.planning.search.measured import Resting, measured_map
 from tests.env_samples import best_action, make_env
 

@@ -14,12 +14,12 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 import packenv  # noqa: F401
+from packenv.env.orders import GeneratedOrder, ListedOrder, RandomOrders, make_generator
 from packenv.errors import InputError
-from packenv.order_generators import GeneratedOrder, ListedOrder, RandomOrders, make_generator
 from tests.env_samples import CONFIG, ITEMS, Drawn, make_env, run_episode
 
 OWN = """
-from packenv.order_generators import GeneratedOrder
+from packenv.env.orders import GeneratedOrder
 
 class Pair:
     def __init__(self, name="soap_bar"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from packenv.planning.support import support_margin
+from packenv.env.support import support_margin
 
 CELL = 0.002
 

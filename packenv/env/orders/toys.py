@@ -11,11 +11,11 @@ from functools import lru_cache
 import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM
+from packenv.env.orders.cuts import CUTS, Piece, Size
+from packenv.env.orders.records import GeneratedOrder
 from packenv.errors import InputError
 from packenv.geometry.mass import estimated_mass
 from packenv.geometry.meshes import LoadedMesh, make_item
-from packenv.order_generators.cuts import CUTS, Piece, Size
-from packenv.order_generators.records import GeneratedOrder
 from packenv.types import Container, FloatArray, Item, Placement
 
 MOST_PIECES = 12
@@ -36,7 +36,7 @@ class ToyOrders:
     would seem a few micrometres higher. The pieces fill more than 99.99 % of the box. Their names tell their
     sides in mm, so a name is one and the same item in all orders.
 
-    ``slices`` (:func:`packenv.order_generators.cuts.slices`) is the level that can be solved one item after
+    ``slices`` (:func:`packenv.env.orders.cuts.slices`) is the level that can be solved one item after
     another; ``guillotine`` is a harder one, for searches and for learning. Orders of 100 that the planner
     packs whole, by volume, without restarts and under non-overlap alone, in the default container:
 
