@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.errors import InputError
 from packenv.extensions import is_extension
 

@@ -21,7 +21,7 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from experiments.runs import finish, order_options
 from packenv import api
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key

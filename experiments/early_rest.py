@@ -46,7 +46,7 @@ from experiments.execution import figures
 from experiments.physics_orders import CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
 from packenv.sim.session import Execution, ExecutionConfig

@@ -22,9 +22,9 @@ from benchmarks.orders import fitting, random_orders, small_orders
 from benchmarks.shelf import open_shelf
 from experiments.runs import finish, order_options
 from packenv import api
-from packenv.cli import planning_options
-from packenv.commands.pack import options_from
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
+from packenv.cli.pack import options_from
+from packenv.cli.parser import planning_options
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key

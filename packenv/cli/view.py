@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from packenv.commands.output import Terminal, say
+from packenv.cli.output import Terminal, say
 from packenv.io.files import check_outputs
 from packenv.items.plan_items import open_plan
 from packenv.view.show import check_suffix, show

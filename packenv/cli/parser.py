@@ -1,40 +1,16 @@
-"""The ``robotpack`` command line: parsing and exit codes. The work is in :mod:`packenv.commands`.
-
-Exit codes: 0 done, 1 something could not be packed or a check failed, 2 bad input.
-"""
+"""The words of the command line: every command's arguments."""
 
 from __future__ import annotations
 
 import argparse
-import importlib
-import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn
 
-from packenv.commands.reporting import reported
 from packenv.planning.options import PRESETS, PlanOptions, rules
 from packenv.version import __version__
 
 UNIT_NAMES = ("m", "cm", "mm", "in")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        argv: arguments without the program's name; None takes those of the process.
-
-    Returns:
-        The exit code.
-    """
-    arguments = _parser().parse_args(argv)
-
-    def work() -> int:
-        code: int = importlib.import_module(f"packenv.commands.{arguments.module}").run(arguments)
-        return code
-
-    return reported("robotpack", work)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,7 +21,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """The parser of the whole command line; what it parses names the ``module`` of its command."""
     parser = _Parser(
         prog="robotpack",
         description="Pack real, non-convex items into a box, check the plan and look at it.",
@@ -93,7 +70,7 @@ def number(text: str) -> float | str:
 def planning_options(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
     """Add a flag for every option of planning; what is not given is None.
 
-    Experiments and benchmarks take the same words, see :func:`packenv.commands.pack.options_from`.
+    Experiments and benchmarks take the same words, see :func:`packenv.cli.pack.options_from`.
 
     Args:
         parser: to add them to.
@@ -276,15 +253,11 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
 
 def _add_items(commands: argparse._SubParsersAction[Any]) -> None:
     items = commands.add_parser("items", help="check or prepare the items of a catalogue")
-    actions = items.add_subparsers(metavar="ACTION", required=True)
+    items.set_defaults(module="items")
+    actions = items.add_subparsers(metavar="ACTION", dest="action", required=True)
     check = actions.add_parser("check", help="list every mesh and what is wrong with it")
     prepare = actions.add_parser("prepare", help="compute stable poses and heightmaps into the cache")
-    for action, module in ((check, "items_check"), (prepare, "items_prepare")):
-        action.set_defaults(module=module)
+    for action in (check, prepare):
         action.add_argument("catalogue", metavar="DIR", help="folder of meshes, or builtin")
         action.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
         action.add_argument("--json", action="store_true", help="print the result as JSON")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

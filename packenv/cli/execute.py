@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from packenv.commands.output import Terminal, say, say_json
+from packenv.cli.output import Terminal, say, say_json
 from packenv.errors import InputError
 from packenv.io.executions import write_execution
 from packenv.io.files import check_outputs

@@ -294,7 +294,7 @@ def test_items_prepare_fills_the_cache_once(
 
 def _process(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "packenv.cli", *arguments],
+        [sys.executable, "-m", "packenv", *arguments],
         cwd=REPO,
         capture_output=True,
         text=True,
@@ -332,7 +332,7 @@ def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
 
 
 def test_a_reader_that_goes_away_is_no_error(shelf: Path) -> None:
-    script = f"{sys.executable} -m packenv.cli items check {shelf} | true; echo ${{PIPESTATUS[0]}}"
+    script = f"{sys.executable} -m packenv items check {shelf} | true; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", script], cwd=REPO, capture_output=True, text=True, check=False)
     assert done.stderr == ""
     assert done.stdout.strip() in ("0", "141")
@@ -350,7 +350,7 @@ def test_the_plan_depends_on_nothing_in_the_environment(order: Path, shelf: Path
         }
         arguments = ["pack", str(order), "--catalogue", str(shelf), "--container", SIZE, "--out", str(out)]
         subprocess.run(
-            [sys.executable, "-m", "packenv.cli", *arguments],
+            [sys.executable, "-m", "packenv", *arguments],
             cwd=REPO,
             env=environment,
             check=True,
@@ -419,7 +419,7 @@ def test_an_ascii_terminal_is_no_error(order: Path, shelf: Path) -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     arguments = ["pack", str(order), "--catalogue", str(shelf), "--container", SIZE]
     done = subprocess.run(
-        [sys.executable, "-m", "packenv.cli", *arguments],
+        [sys.executable, "-m", "packenv", *arguments],
         cwd=REPO,
         env=environment,
         capture_output=True,
@@ -432,7 +432,7 @@ def test_an_ascii_terminal_is_no_error(order: Path, shelf: Path) -> None:
 def test_a_full_disk_is_one_line(order: Path, shelf: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "packenv.cli", "items", "check", str(shelf)],
+            [sys.executable, "-m", "packenv", "items", "check", str(shelf)],
             cwd=REPO,
             stdout=full,
             stderr=subprocess.PIPE,

@@ -7,7 +7,7 @@ import math
 from dataclasses import fields
 
 from packenv import api
-from packenv.commands.output import Terminal, say, say_json
+from packenv.cli.output import Terminal, say, say_json
 from packenv.execution.planning_job import require_engine
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs

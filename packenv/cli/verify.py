@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from packenv import api
-from packenv.commands.output import say, say_json
+from packenv.cli.output import say, say_json
 from packenv.items.plan_items import open_plan, options_of
 from packenv.verification.exact_meshes import AuditReport
 from packenv.verification.report import Verification

@@ -101,7 +101,7 @@ def test_every_process_measures_the_same_bits(folder: Path, capsys: pytest.Captu
     command = [
         sys.executable,
         "-m",
-        "packenv.cli",
+        "packenv",
         "execute",
         str(plan),
         "--json",
