@@ -13,28 +13,28 @@ from packenv.extensions import code_digest, is_extension, load_extension, made_e
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
-from packenv.planning.manipulation import ManipulationChecker
-from packenv.planning.manipulation_constraint import ManipulationConstraint
-from packenv.planning.margins import MarginRule
+from packenv.planning.manipulation.checker import ManipulationChecker
+from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import OWN, PlanOptions, StabilityRule
-from packenv.planning.orientations import perturbations
 from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
-from packenv.planning.packer import Planner
-from packenv.planning.scores import HEURISTICS, Heuristic, heuristic_named, name_of
-from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import StabilityConstraint
-from packenv.planning.turns import Strategy, Tier
+from packenv.planning.planner import Planner
+from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_named, name_of
+from packenv.planning.search.orientations import perturbations
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.constraint import StabilityConstraint
+from packenv.planning.stability.margins import MarginRule
+from packenv.planning.tiers import Strategy, Tier
 from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
-EACH_WARY = 12
+EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
 
 class PlanningItems(Protocol):
-    """All that planning needs of items, by name; :class:`packenv.io.shelves.ItemShelf` has it."""
+    """All that planning needs of items, by name; :class:`packenv.items.shelf.ItemShelf` has it."""
 
     @property
     def grid(self) -> GridConfig:
@@ -73,7 +73,7 @@ def clearances(clearance: float, grid: GridConfig) -> tuple[int, ...]:
     return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
-def wary(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
+def with_margin(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
     """The stability constraint among them, on the same states, that also asks a new item for a margin."""
     return {c.name: replace(c, alone=MARGIN) for c in constraints if isinstance(c, StabilityConstraint)}
 
@@ -183,10 +183,10 @@ def assemble(
 
     Raises:
         InputError: an own heuristic or constraint cannot be used.
-        ValueError: the options ask for physics, which :mod:`packenv.physics_planning` adds.
+        ValueError: the options ask for physics, which :mod:`packenv.execution.physics_planner` adds.
     """
     if options.stability == "physics":
-        raise ValueError("stability is 'physics': let packenv.physics_planning make the planner")
+        raise ValueError("stability is 'physics': let packenv.execution.physics_planner make the planner")
     constraints = constraints_of(options, items, container, margins=margins)
     levels = clearances(options.clearance, options.grid)
     wider = bool(constraints) or options.search == "5d"
@@ -234,10 +234,10 @@ def _cautious(
     An order that leaves something over is planned again with those items first, with or without a margin, and
     in the end as without this preference.
     """
-    careful = wary(constraints)
+    careful = with_margin(constraints)
 
     def margin(cells: int) -> Tier:
-        return Tier(cells, careful, each=EACH_WARY)
+        return Tier(cells, careful, each=EACH_WITH_MARGIN)
 
     def both(cells: int) -> tuple[Tier, Tier]:
         return margin(cells), Tier(cells)
@@ -249,6 +249,6 @@ def _cautious(
         strategy,
         first=tuple(margin(cells) for cells in levels[:-1] or (0,)),
         fallback=(roomy, tight) if roomy else (tight,),
-        again=(*roomy, *tight),
+        restart_tiers=(*roomy, *tight),
         last_resorts=as_paper(levels),
     )

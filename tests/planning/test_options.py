@@ -15,7 +15,6 @@ from hypothesis import given, strategies as st
 
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.planning import scores
 from packenv.planning.assembly import assemble, clearances, heuristic_of
 from packenv.planning.options import (
     OWN,
@@ -27,9 +26,10 @@ from packenv.planning.options import (
     option_names,
     rules,
 )
-from packenv.planning.packer import MAX_CHECKED
-from packenv.planning.paper_contacts import paper_contacts
-from packenv.planning.stability import StabilityChecker
+from packenv.planning.planner import MAX_CHECKED
+from packenv.planning.search import heuristics as scores
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.paper_contacts import paper_contacts
 from packenv.types import Container
 from tests.planning import own_rules
 from tests.planning.own_rules import Low
@@ -371,7 +371,7 @@ def test_the_paper_s_planner_has_one_pass_with_its_fallback_and_no_more() -> Non
     (tier,) = made.strategy.first
     assert tier.rules(made.constraints) == tuple(made.constraints)
     assert (tier.clearance, tier.each, tier.max_checked, tier.risk) == (0, None, None, 0.0)
-    assert (made.strategy.fallback, made.strategy.again) == (None, None)
+    assert (made.strategy.fallback, made.strategy.restart_tiers) == (None, None)
     assert (made.strategy.restarts, list(made.strategy.last_resorts), made.strategy.clearance) == (0, [], 0)
     assert made.perturbations is not None
     assert (made.search, made.max_checked, made.give_up) == ("3d", 100, False)
