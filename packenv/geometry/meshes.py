@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from packenv.errors import MeshError, UnitError
-from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
+from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, solid_properties
 from packenv.geometry.readers.raw import (
     RawMesh,
     check_counts,
@@ -44,12 +44,14 @@ class LoadedMesh:
     Attributes:
         vertices: (n, 3) float64, m; every one is a corner of some face.
         faces: (m, 3) int64, closed, counter-clockwise seen from outside.
+        solid: what it encloses.
         repairs: what was repaired on loading, one phrase each; empty for a sound file.
         notes: what a user should know but need not mend.
     """
 
     vertices: FloatArray
     faces: IntArray
+    solid: SolidProperties
     repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -90,12 +92,8 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
     vertices = surface.vertices if scale == 1.0 else surface.vertices * scale
     _check_not_flat(path, vertices)
     result = mend(path, type(surface)(vertices, surface.faces, surface.repairs, raw.notes + surface.notes))
-    return LoadedMesh(
-        np.ascontiguousarray(result.vertices),
-        np.ascontiguousarray(result.faces),
-        result.repairs,
-        result.notes,
-    )
+    vertices, faces = np.ascontiguousarray(result.vertices), np.ascontiguousarray(result.faces)
+    return LoadedMesh(vertices, faces, solid_properties(vertices, faces), result.repairs, result.notes)
 
 
 def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> Item:
@@ -113,7 +111,7 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
     Raises:
         MeshError: the mass is not a positive number.
     """
-    properties = solid_properties(mesh.vertices, mesh.faces)
+    properties = mesh.solid
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise MeshError(f"item {name}: its mass is {mass:g}, give kilograms above 0")
     kilograms = mass if mass is not None else estimated_mass(properties.volume, hull_volume(mesh.vertices))

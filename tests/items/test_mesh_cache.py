@@ -17,7 +17,9 @@ from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, 
 
 
 def _same(a: LoadedMesh, b: LoadedMesh) -> None:
-    for x, y in ((a.vertices, b.vertices), (a.faces, b.faces)):
+    assert a.solid.volume == b.solid.volume > 0.0
+    solid = [(a.solid.com, b.solid.com), (a.solid.inertia, b.solid.inertia)]
+    for x, y in ((a.vertices, b.vertices), (a.faces, b.faces), *solid):
         np.testing.assert_array_equal(x, y)
         assert x.dtype == y.dtype
         assert x.flags.c_contiguous
