@@ -13,9 +13,6 @@ from packenv.types import FloatArray, IntArray
 TYPICAL_DENSITY = 370.0
 """kg/m³ over the geometric mean of an item's volume and its hull's volume; see :func:`estimated_mass`."""
 
-TYPICAL_ERROR = 2.0
-"""Half of the estimated masses are wrong by at most this factor."""
-
 
 @dataclass(frozen=True, eq=False)
 class SolidProperties:
