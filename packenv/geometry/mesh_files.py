@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import io
+import re
 import struct
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,15 @@ ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar", ".zst")
 _ARCHIVE_STARTS = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"7z\xbc\xaf\x27\x1c", b"Rar!", b"\x28\xb5\x2f\xfd")
 _OTHER_STARTS = (b"ISO-10303", b"<?xml", b"<COLLADA", b"Kaydara", b"{", b"<!DOCTYPE", b"<html")
 _FORMATS = ", ".join(e[1:] for e in EXTENSIONS)
-_READERS = {".obj": "polygons.read_obj", ".off": "polygons.read_off", ".3mf": "threemf.read_threemf"}
+_READERS = {
+    ".stl": "stl.read_stl",
+    ".obj": "polygons.read_obj",
+    ".ply": "ply.read_ply",
+    ".off": "polygons.read_off",
+    ".glb": "glb.read_glb",
+    ".3mf": "threemf.read_threemf",
+}
+"""Imported one at a time: the command line need not load readers that it does not use."""
 
 
 def file_bytes(path: Path) -> bytes:
@@ -74,17 +82,14 @@ def parsed_mesh(path: Path, data: bytes) -> RawMesh:
     """
     extension = path.suffix.lower()
     kind = _kind(path, data) or extension
-    module, _, name = _READERS.get(kind, f"{kind[1:]}.read_{kind[1:]}").partition(".")
-    # Imported one at a time: the command line need not load readers that it does not use.
-    reader: Callable[[Path, bytes], RawMesh] = getattr(
-        importlib.import_module(f"packenv.geometry.readers.{module}"), name
-    )
+    module, _, name = _READERS[kind].partition(".")
+    reader = getattr(importlib.import_module(f"packenv.geometry.readers.{module}"), name)
     try:
         # Numbers that are none, or overflow in a transform, are found when the points are checked.
         with np.errstate(all="ignore"):
-            raw = reader(path, data)
-    except MeshError:
-        raise
+            raw: RawMesh = reader(data)
+    except MeshError as problem:
+        raise MeshError(f"{path}: {problem}") from None
     except Exception as problem:
         said = brief(f"{type(problem).__name__}: {problem}")
         raise MeshError(
@@ -116,13 +121,7 @@ def _kind(path: Path, data: bytes) -> str | None:
         raise MeshError(f"{path}: is an archive; unpack it and give the mesh file ({_FORMATS})")
     if start.startswith(_OTHER_STARTS):
         raise MeshError(f"{path}: its content is none of {_FORMATS}; export the item as one of these")
-    if start.split(maxsplit=1)[:1] and start.split(maxsplit=1)[0].upper() in (
-        b"OFF",
-        b"COFF",
-        b"NOFF",
-        b"CNOFF",
-        b"STOFF",
-    ):
+    if re.match(rb"(?:ST)?C?N?OFF\s", start, re.IGNORECASE):
         return ".off"
     if len(data) > 84 and len(data) == 84 + 50 * struct.unpack_from("<I", data, 80)[0]:
         return ".stl"

@@ -11,13 +11,7 @@ import numpy as np
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, solid_properties
-from packenv.geometry.readers.raw import (
-    RawMesh,
-    check_counts,
-    check_indices,
-    check_points,
-    refuse_points,
-)
+from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
@@ -26,6 +20,9 @@ FORMAT = 2
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 """Units that a mesh may be in, as metres."""
+
+MAX_COORDINATE = 1e12
+"""Distance from the origin, in any unit, that is still read."""
 
 SMALLEST, LARGEST = 0.002, 2.0
 """The longest side of an item is within these, m. Outside them the unit is wrong."""
@@ -82,8 +79,12 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
         UnitError: an item larger than 2 m or smaller than 2 mm.
         MeshError: everything else that is wrong with it, one line that names it.
     """
-    refuse_points(path, len(raw.vertices), len(raw.faces))
-    check_points(path, raw.vertices)
+    if not len(raw.faces):
+        content = f"{len(raw.vertices)} points but no faces" if len(raw.vertices) else "no faces"
+        raise MeshError(
+            f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
+        )
+    _check_points(path, raw.vertices)
     scale = UNITS[unit] if unit is not None else (raw.metres or 1.0)
     surface = used_part(raw.vertices, raw.faces, split=raw.split)
     if not len(surface.faces):
@@ -158,8 +159,11 @@ def item_of(mesh: Any, name: str, *, unit: str | None = None, mass: float | None
         raise MeshError(
             f"{where}: vertices of shape {vertices.shape} and faces of {faces.shape}, give (n, 3) and (m, 3)"
         )
-    check_counts(where, vertices=len(vertices), faces=len(faces))
-    check_indices(where, faces, len(vertices))
+    try:
+        check_counts(vertices=len(vertices), faces=len(faces))
+        check_indices(faces, len(vertices))
+    except MeshError as problem:
+        raise MeshError(f"{where}: {problem}") from None
     raw = RawMesh(vertices, faces, split=True, metres=_metres(getattr(mesh, "units", None)))
     return make_item(name, solid_mesh(where, raw, unit), file=name, mass=mass)
 
@@ -187,6 +191,23 @@ def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:
     digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
     digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
     return digest.hexdigest()
+
+
+def _check_points(path: Path, vertices: FloatArray) -> None:
+    """Refuse coordinates that are no numbers, or so large that products of three overflow."""
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise MeshError(
+            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in vertices[k])}), "
+            "coordinates must be finite numbers; export it again"
+        )
+    largest = float(np.abs(vertices).max(initial=0.0))
+    if largest > MAX_COORDINATE:
+        raise UnitError(
+            f"{path}: a coordinate of {largest:.3g}, items are 2 mm to 2 m; "
+            "no --unit makes it so, it is damaged or needs scaling"
+        )
 
 
 def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None, own: float | None) -> None:

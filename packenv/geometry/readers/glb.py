@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,115 +18,106 @@ from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh, brief, check_c
 
 _TRIANGLES, _STRIP = 4, 5
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_FLOAT, _UNSIGNED = 5126, (5121, 5123, 5125)
+_FLOAT, _INDICES = 5126, [("SCALAR", unsigned) for unsigned in (5121, 5123, 5125)]
 _NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
-_INSTANCING = "EXT_mesh_gpu_instancing"
+_INSTANCING = b"EXT_mesh_gpu_instancing"
 _MAX_DEPTH, _MAX_NODES = 32, 10_000
 
 
-def read_glb(path: Path, data: bytes) -> RawMesh:
+def read_glb(data: bytes) -> RawMesh:
     """Read a GLB file: every triangle mesh of the default scene in one, transforms applied.
 
     Raises:
         MeshError: truncated, too much, damaged, or something that trimesh would not read or read wrongly.
     """
     if len(data) < 20 or data[:4] != b"glTF":
-        raise MeshError(f"{path}: not a GLB file, or truncated: it does not begin with a glTF header")
+        raise MeshError("not a GLB file, or truncated: it does not begin with a glTF header")
     version, length, size = struct.unpack_from("<3I", data, 4)
     if version != 2:
-        raise MeshError(f"{path}: glTF version {version}, only version 2 is read; export it again")
+        raise MeshError(f"glTF version {version}, only version 2 is read; export it again")
     if length > len(data):
-        raise MeshError(f"{path}: truncated, its header announces {length:,} bytes and it has {len(data):,}")
-    document = json.loads(data[20 : 20 + size])
-    _refuse_special(path, document)
-    vertices, faces = _announced(path, document)
-    raw = read_mesh(path, "glb", data, vertices, faces, skip_materials=True)
+        raise MeshError(f"truncated, its header announces {length:,} bytes and it has {len(data):,}")
+    text = data[20 : 20 + size]
+    if _INSTANCING in text:
+        raise MeshError("needs the glTF extension EXT_mesh_gpu_instancing; export copies as nodes")
+    document = json.loads(text)
+    _refuse_special(document)
+    raw = read_mesh("glb", data, *_announced(document), skip_materials=True)
     return dataclasses.replace(raw, split=True, metres=1.0)
 
 
-def _refuse_special(path: Path, document: dict[str, Any]) -> None:
-    for name in [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]:
-        if name == _INSTANCING or (
-            name in document.get("extensionsRequired", []) and not name.startswith(_HARMLESS)
-        ):
-            raise MeshError(
-                f"{path}: needs the glTF extension {brief(name)}; export it without, copies as nodes"
-            )
+def _refuse_special(document: dict[str, Any]) -> None:
+    for name in document.get("extensionsRequired", []):
+        if not name.startswith(_HARMLESS):
+            raise MeshError(f"needs the glTF extension {brief(name)}; export it without compression")
     if any("uri" in buffer for buffer in document.get("buffers", [])):
-        raise MeshError(f"{path}: keeps its data in another file; export one self-contained GLB")
-    for node in document.get("nodes", []):
-        if _INSTANCING in node.get("extensions", {}):
-            raise MeshError(
-                f"{path}: needs the glTF extension {_INSTANCING}; export it without, copies as nodes"
-            )
-        if "skin" in node or any(node.get("weights", [])):
-            raise MeshError(
-                f"{path}: a skeleton or morph poses it (glTF skin); export it with the pose applied"
-            )
-        if "camera" in node and ("mesh" in node or node.get("children")):
-            raise MeshError(f"{path}: parts hang on a camera; export it without cameras")
+        raise MeshError("keeps its data in another file; export one self-contained GLB")
+    nodes = document.get("nodes", [])
+    if any("skin" in row or any(row.get("weights", [])) for row in [*nodes, *document.get("meshes", [])]):
+        raise MeshError("a skeleton or morph poses it (glTF skin); export it with the pose applied")
+    if any("camera" in node and ("mesh" in node or node.get("children")) for node in nodes):
+        raise MeshError("parts hang on a camera; export it without cameras")
+    for node in nodes:
         for key in ("matrix", "translation", "rotation", "scale"):
             if not np.isfinite(np.array(node.get(key, 0), dtype=np.float64)).all():
-                raise MeshError(f"{path}: the {key} of a node must hold finite numbers; export it again")
+                raise MeshError(f"the {key} of a node must hold finite numbers; export it again")
 
 
-def _announced(path: Path, document: dict[str, Any]) -> tuple[int, int]:
+def _announced(document: dict[str, Any]) -> tuple[int, int]:
     """Vertices and faces of the scene, counted before any of it is expanded."""
     accessors, views = document.get("accessors", []), document.get("bufferViews", [])
     for row in [*accessors, *views]:
         for key in ("count", "bufferView", "byteOffset", "byteLength", "byteStride", "buffer"):
             _natural(row.get(key, 0))
-        check_counts(path, vertices=row.get("count", 0))
+        check_counts(vertices=row.get("count", 0))
     unpacked = sum(view["byteLength"] for view in views)
     unpacked += sum(a["count"] * _BYTES[a["componentType"]] * _NUMBERS[a["type"]] for a in accessors)
     if unpacked > 2 * MAX_FILE_BYTES:
-        raise MeshError(
-            f"{path}: unpacks to {unpacked >> 20:,} MiB, the limit is {MAX_FILE_BYTES >> 19:,}; decimate the mesh"
-        )
-    sizes = [
-        np.sum([(0, 0), *(_size(path, accessors, p) for p in mesh["primitives"])], axis=0)
-        for mesh in document.get("meshes", [])
-    ]
-    if any(any(mesh.get("weights", [])) for mesh in document.get("meshes", [])):
-        raise MeshError(f"{path}: a morph poses it (glTF weights); export it with the pose applied")
+        limit = MAX_FILE_BYTES >> 19
+        raise MeshError(f"unpacks to {unpacked >> 20:,} MiB, the limit is {limit}; decimate the mesh")
+    sizes = [_size(accessors, mesh["primitives"]) for mesh in document.get("meshes", [])]
+    check_counts(vertices=sum(v for v, _ in sizes), faces=sum(f for _, f in sizes))
     nodes = document.get("nodes", [])
     seen: set[int] = set()
-    total = np.sum([(0, 0), *sizes], axis=0)
-    check_counts(path, vertices=int(total[0]), faces=int(total[1]))
-    total[:] = 0
+    vertices = faces = 0
     pending = [(k, 0) for k in document["scenes"][_natural(document.get("scene", 0))].get("nodes", [])]
     while pending:
         k, depth = pending.pop()
         # trimesh takes a time that grows with the cube of the depth.
         if k in seen or depth > _MAX_DEPTH or len(seen) == _MAX_NODES:
             raise MeshError(
-                f"{path}: damaged GLB file, its nodes are more than {_MAX_NODES:,}, deeper than {_MAX_DEPTH}, "
+                f"damaged GLB file, its nodes are more than {_MAX_NODES:,}, deeper than {_MAX_DEPTH}, "
                 "placed twice or nested in a circle"
             )
         seen.add(k)
         node = nodes[_natural(k)]
         pending += [(child, depth + 1) for child in node.get("children", [])]
         if "mesh" in node:
-            total += sizes[_natural(node["mesh"])]
-            check_counts(path, vertices=int(total[0]), faces=int(total[1]))
-    return int(total[0]), int(total[1])
+            more = sizes[_natural(node["mesh"])]
+            vertices, faces = vertices + more[0], faces + more[1]
+            check_counts(vertices=vertices, faces=faces)
+    return vertices, faces
 
 
-def _size(path: Path, accessors: list[dict[str, Any]], primitive: dict[str, Any]) -> tuple[int, int]:
-    mode = primitive.get("mode", _TRIANGLES)
-    if mode not in (_TRIANGLES, _STRIP):
-        raise MeshError(f"{path}: points, lines or triangle fans are not read; export it as plain triangles")
-    positions = accessors[_natural(primitive["attributes"]["POSITION"])]
-    used = [positions, *([accessors[_natural(primitive["indices"])]] if "indices" in primitive else [])]
-    if any("sparse" in accessor or "bufferView" not in accessor for accessor in used):
-        raise MeshError(f"{path}: sparse glTF data are not read; export it without them")
-    if (positions["type"], positions["componentType"]) != ("VEC3", _FLOAT) or any(
-        indices["type"] != "SCALAR" or indices["componentType"] not in _UNSIGNED for indices in used[1:]
-    ):
-        raise ValueError("positions that are no float VEC3, or indices that are no unsigned SCALAR")
-    corners = used[-1]["count"]
-    return positions["count"], corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
+def _size(accessors: list[dict[str, Any]], primitives: list[dict[str, Any]]) -> tuple[int, int]:
+    vertices = faces = 0
+    for primitive in primitives:
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode not in (_TRIANGLES, _STRIP):
+            raise MeshError("points, lines or triangle fans are not read; export it as plain triangles")
+        used = [accessors[_natural(primitive["attributes"]["POSITION"])]]
+        if "indices" in primitive:
+            used.append(accessors[_natural(primitive["indices"])])
+        if any("sparse" in accessor or "bufferView" not in accessor for accessor in used):
+            raise MeshError("sparse glTF data are not read; export it without them")
+        kinds = [(accessor["type"], accessor["componentType"]) for accessor in used]
+        if kinds[0] != ("VEC3", _FLOAT) or any(kind not in _INDICES for kind in kinds[1:]):
+            raise ValueError("positions that are no float VEC3, or indices that are no unsigned SCALAR")
+        corners = used[-1]["count"]
+        vertices += used[0]["count"]
+        faces += corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
+    return vertices, faces
 
 
 def _natural(value: Any) -> int:

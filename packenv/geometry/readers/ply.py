@@ -4,36 +4,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from packenv.errors import MeshError
 from packenv.geometry.readers.polygons import Words, read_polygons, refuse_dents, take
-from packenv.geometry.readers.raw import (
-    RawMesh,
-    brief,
-    check_counts,
-    check_indices,
-    read_scene,
-    refuse_points,
-)
+from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_indices, read_scene
 
-_INTEGERS = {
-    "char",
-    "int8",
-    "uchar",
-    "uint8",
-    "short",
-    "int16",
-    "ushort",
-    "uint16",
-    "int",
-    "int32",
-    "uint",
-    "uint32",
-}
+_INTEGERS = {u + kind for u in ("", "u") for kind in ("char", "int8", "short", "int16", "int", "int32")}
 _TYPES = _INTEGERS | {"float", "float32", "double", "float64"}
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
@@ -45,7 +24,7 @@ class _Element(NamedTuple):
     columns: dict[str, str]
 
 
-def read_ply(path: Path, data: bytes) -> RawMesh:
+def read_ply(data: bytes) -> RawMesh:
     """Read a PLY file.
 
     Raises:
@@ -54,26 +33,25 @@ def read_ply(path: Path, data: bytes) -> RawMesh:
     """
     head, word, body = data.partition(b"end_header")
     if not data.startswith(b"ply") or not word or b"\n" not in body:
-        raise MeshError(
-            f"{path}: not a PLY file, or truncated: its header from 'ply' to 'end_header' is not there"
-        )
-    form, elements = _header(path, head.decode("latin-1").splitlines()[1:])
+        raise MeshError("not a PLY file, or truncated: its header from 'ply' to 'end_header' is not there")
+    form, elements = _header(head.decode("latin-1").splitlines()[1:])
     vertex, face = elements.get("vertex", _Element(0, {})), elements.get("face", _Element(0, {}))
     corners = [name for name in ("vertex_indices", "vertex_index") if name in face.columns]
     kinds = [face.columns[name].removeprefix("list ") in _INTEGERS for name in corners]
     if not form or not {"x", "y", "z"} <= set(vertex.columns) or kinds != [True][: "face" in elements]:
         raise MeshError(
-            f"{path}: damaged PLY header, it needs a format, x, y and z of element vertex and one list "
+            "damaged PLY header, it needs a format, x, y and z of element vertex and one list "
             "vertex_indices of element face; export it again"
         )
-    refuse_points(path, vertex.rows, face.rows)
+    if not face.rows:
+        return RawMesh(np.zeros((vertex.rows, 3)), np.empty((0, 3), np.int64))
     if form == "ascii":
         lines = body[body.index(b"\n") :].splitlines()
-        return _read_text(path, elements, corners[0], (words for line in lines if (words := line.split())))
-    return _read_binary(path, data, elements, corners[0])
+        return _read_text(elements, corners[0], (words for line in lines if (words := line.split())))
+    return _read_binary(data, elements, corners[0])
 
 
-def _header(path: Path, lines: Sequence[str]) -> tuple[str, dict[str, _Element]]:
+def _header(lines: Sequence[str]) -> tuple[str, dict[str, _Element]]:
     """The format and the tables. A line that trimesh would pass over is an error."""
     form = name = ""
     found: dict[str, _Element] = {}
@@ -86,7 +64,7 @@ def _header(path: Path, lines: Sequence[str]) -> tuple[str, dict[str, _Element]]
                 continue
             case ["element", name, count] if name not in found:
                 found[name] = _Element(int(count), {})
-                check_counts(path, vertices=int(count), faces=int(count) if name == "face" else 0)
+                check_counts(vertices=int(count), faces=int(count) if name == "face" else 0)
                 continue
             case ["property", "list", length, kind, column] if length in _INTEGERS:
                 kind = f"list {kind}"
@@ -95,14 +73,14 @@ def _header(path: Path, lines: Sequence[str]) -> tuple[str, dict[str, _Element]]
             case _:
                 kind = column = ""
         if kind.removeprefix("list ") not in _TYPES or name not in found or column in found[name].columns:
-            raise MeshError(f"{path}: damaged PLY header, cannot read the line {brief(line)!r}")
+            raise MeshError(f"damaged PLY header, cannot read the line {brief(line)!r}")
         found[name].columns[column] = kind
     if "tristrips" in found and "face" not in found:
-        raise MeshError(f"{path}: its surface is in triangle strips (tristrips); export it with faces")
+        raise MeshError("its surface is in triangle strips (tristrips); export it with faces")
     return form, found
 
 
-def _read_text(path: Path, elements: dict[str, _Element], corners: str, rows: Iterator[Words]) -> RawMesh:
+def _read_text(elements: dict[str, _Element], corners: str, rows: Iterator[Words]) -> RawMesh:
     cells: dict[str, dict[str, list[Words]]] = {}
     missing = sum(element.rows for element in elements.values())
     for name, element in elements.items():
@@ -117,17 +95,17 @@ def _read_text(path: Path, elements: dict[str, _Element], corners: str, rows: It
                 raise ValueError(f"{len(row)} numbers in a row of {name} where {at} belong")
     if missing or next(rows, None):
         wrong = f"{missing:,} rows are missing" if missing else "it has more rows than it announces"
-        raise MeshError(f"{path}: truncated or damaged, {wrong}; export it again")
+        raise MeshError(f"truncated or damaged, {wrong}; export it again")
     axes = [itertools.chain.from_iterable(cells["vertex"][axis]) for axis in "xyz"]
     polygons = [[int(word) for word in polygon] for polygon in cells["face"][corners]]
-    return read_polygons(path, list(zip(*axes, strict=True)), polygons)
+    return read_polygons(list(zip(*axes, strict=True)), polygons)
 
 
-def _read_binary(path: Path, data: bytes, elements: dict[str, _Element], corners: str) -> RawMesh:
+def _read_binary(data: bytes, elements: dict[str, _Element], corners: str) -> RawMesh:
     # trimesh takes every list of a column for as long as the first.
-    other = f"{path}: truncated or damaged, or its lists are of different lengths; export triangles, or text"
+    other = "truncated or damaged, or its lists are of different lengths; export triangles, or text"
     try:
-        (mesh,) = read_scene(path, "ply", data, fix_texture=False, skip_materials=True).geometry.values()
+        (mesh,) = read_scene("ply", data, fix_texture=False, skip_materials=True).geometry.values()
     except MeshError as problem:
         raise MeshError(other if "unexpected length" in str(problem) else str(problem)) from None
     # The columns as they are in the file: what trimesh makes of faces depends on colours, textures and edges.
@@ -140,9 +118,9 @@ def _read_binary(path: Path, data: bytes, elements: dict[str, _Element], corners
     vertices = np.asarray(mesh.vertices, np.float64)
     fans = polygons.shape[1] - 2
     if fans < 1:
-        raise MeshError(f"{path}: a face has {fans + 2} vertices, it needs at least 3")
-    check_counts(path, faces=len(polygons) * fans)
-    check_indices(path, polygons, len(vertices))
+        raise MeshError(f"a face has {fans + 2} vertices, it needs at least 3")
+    check_counts(faces=len(polygons) * fans)
+    check_indices(polygons, len(vertices))
     faces = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, fans + 1)], axis=1).reshape(-1, 3)
-    refuse_dents(path, vertices, faces, np.full(len(polygons), fans))
+    refuse_dents(vertices, faces, np.full(len(polygons), fans))
     return RawMesh(vertices, faces)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +21,7 @@ _DENT = -1e-6
 _OFF = re.compile(rb"\s*(?:ST)?C?N?OFF\s*", re.IGNORECASE)
 
 
-def read_off(path: Path, data: bytes) -> RawMesh:
+def read_off(data: bytes) -> RawMesh:
     """Read an OFF file (text), with or without colours and normals.
 
     Raises:
@@ -31,28 +30,28 @@ def read_off(path: Path, data: bytes) -> RawMesh:
     head = _OFF.match(data)
     rest = data[head.end() :] if head else b""
     if head is None or rest[:6].upper() == b"BINARY":
-        raise MeshError(f"{path}: not a text OFF file; export it as text OFF, PLY or STL")
+        raise MeshError("not a text OFF file; export it as text OFF, PLY or STL")
     rows = (words for line in rest.splitlines() if (words := line.split(b"#", 1)[0].split()))
     n_vertices, n_faces = (int(word) for word in [*next(rows, ()), b"-1", b"-1"][:2])
-    check_counts(path, vertices=n_vertices, faces=n_faces)
+    check_counts(vertices=n_vertices, faces=n_faces)
     # What follows the coordinates and the corners are colours.
     points = [row[:3] for row in itertools.islice(rows, n_vertices)]
     faces = [[int(word) for word in take(row, 0)[0]] for row in itertools.islice(rows, n_faces)]
     if (len(points), len(faces)) != (n_vertices, n_faces):
         raise MeshError(
-            f"{path}: truncated, it announces {n_vertices:,} vertices and {n_faces:,} faces "
+            f"truncated, it announces {n_vertices:,} vertices and {n_faces:,} faces "
             f"and {len(points):,} and {len(faces):,} are there; export it again"
         )
-    return read_polygons(path, points, faces)
+    return read_polygons(points, faces)
 
 
-def read_obj(path: Path, data: bytes) -> RawMesh:
+def read_obj(data: bytes) -> RawMesh:
     """Read the ``v`` and ``f`` lines of an OBJ file; materials, normals and textures play no part.
 
     Raises:
         MeshError: no vertices, or what :func:`read_polygons` refuses.
     """
-    check_counts(path, vertices=data.count(b"\nv "), faces=data.count(b"\nf "))
+    check_counts(vertices=data.count(b"\nv "), faces=data.count(b"\nf "))
     points: list[Words] = []
     faces: list[list[int]] = []
     for line in data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
@@ -63,13 +62,11 @@ def read_obj(path: Path, data: bytes) -> RawMesh:
             numbers = [int(corner.split(b"/", 1)[0]) for corner in words[1:]]
             # Counted from 1; from -1 back from the last vertex so far.
             if 0 in numbers or min(numbers, default=0) < -len(points):
-                raise MeshError(
-                    f"{path}: a face index of {brief(min(numbers))}, it is damaged; export it again"
-                )
+                raise MeshError(f"a face index of {brief(min(numbers))}, it is damaged; export it again")
             faces.append([k - 1 if k > 0 else len(points) + k for k in numbers])
     if not points:
-        raise MeshError(f"{path}: not an OBJ file, or an empty one: it has no vertex lines ('v x y z')")
-    return read_polygons(path, points, faces)
+        raise MeshError("not an OBJ file, or an empty one: it has no vertex lines ('v x y z')")
+    return read_polygons(points, faces)
 
 
 def take(row: Words, at: int) -> tuple[Words, int]:
@@ -84,11 +81,10 @@ def take(row: Words, at: int) -> tuple[Words, int]:
     return row[at + 1 : end], end
 
 
-def read_polygons(path: Path, points: Sequence[Words], polygons: Sequence[Sequence[int]]) -> RawMesh:
+def read_polygons(points: Sequence[Words], polygons: Sequence[Sequence[int]]) -> RawMesh:
     """Have trimesh read points and polygons, in the one form of text that it reads strictly.
 
     Args:
-        path: named in messages.
         points: three words each.
         polygons: the corners of each, counted from 0.
 
@@ -97,22 +93,21 @@ def read_polygons(path: Path, points: Sequence[Words], polygons: Sequence[Sequen
     """
     counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     if any(len(point) != 3 for point in points) or (counts < 3).any():
-        raise MeshError(f"{path}: damaged, a vertex needs 3 numbers and a face 3 vertices; export it again")
+        raise MeshError("damaged, a vertex needs 3 numbers and a face 3 vertices; export it again")
     n_faces = int((counts - 2).sum())
-    check_counts(path, vertices=len(points), faces=n_faces)
-    check_indices(path, np.fromiter(itertools.chain.from_iterable(polygons), np.int64), len(points))
+    check_counts(vertices=len(points), faces=n_faces)
+    check_indices(np.fromiter(itertools.chain.from_iterable(polygons), np.int64), len(points))
     fans = (b"3 %d %d %d" % (p[0], b, c) for p in polygons for b, c in itertools.pairwise(p[1:]))
     rows = [b"OFF\n%d %d 0" % (len(points), n_faces), *map(b" ".join, points), *fans]
-    raw = read_mesh(path, "off", b"\n".join(rows), len(points), n_faces)
-    refuse_dents(path, raw.vertices, raw.faces, counts - 2)
+    raw = read_mesh("off", b"\n".join(rows), len(points), n_faces)
+    refuse_dents(raw.vertices, raw.faces, counts - 2)
     return raw
 
 
-def refuse_dents(path: Path, vertices: FloatArray, faces: IntArray, counts: IntArray) -> None:
+def refuse_dents(vertices: FloatArray, faces: IntArray, counts: IntArray) -> None:
     """Refuse polygons that the fan of triangles from their first corner does not cover once.
 
     Args:
-        path: named in messages.
         vertices: (n, 3).
         faces: (m, 3), fan after fan.
         counts: (p,) triangles of each fan, at least 1.
@@ -126,4 +121,4 @@ def refuse_dents(path: Path, vertices: FloatArray, faces: IntArray, counts: IntA
         whole = np.repeat(np.add.reduceat(normals, np.cumsum(counts) - counts), counts, axis=0)
         dents = int(((normals * whole).sum(axis=1) < _DENT * (whole * whole).sum(axis=1)).sum())
         if dents:
-            raise MeshError(f"{path}: {dents} dented (non-convex) faces; triangulate the mesh when exporting")
+            raise MeshError(f"{dents} dented (non-convex) faces; triangulate the mesh when exporting")
