@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,10 @@ class SolidProperties:
 
 def signed_volume(vertices: FloatArray, faces: IntArray) -> float:
     """Volume that a closed surface encloses, m³; negative where its faces point inward."""
-    return float(_integrals(vertices, faces)[0].volume)
+    from trimesh.triangles import cross
+
+    triangles, _ = _centred(vertices, faces)
+    return float((triangles[:, 0] * cross(triangles)).sum() / 6.0)
 
 
 def area(vertices: FloatArray, faces: IntArray) -> float:
@@ -56,19 +58,20 @@ def solid_properties(vertices: FloatArray, faces: IntArray) -> SolidProperties:
     Raises:
         ValueError: the surface encloses no volume.
     """
-    found, middle = _integrals(vertices, faces, skip_inertia=False)
-    if found.volume == 0.0 or not math.isfinite(found.volume):
-        raise ValueError(f"the surface encloses a volume of {found.volume:g}")
-    return SolidProperties(float(found.volume), found.center_mass + middle, found.inertia)
-
-
-def _integrals(vertices: FloatArray, faces: IntArray, skip_inertia: bool = True) -> tuple[Any, FloatArray]:
-    """The library's about the centre of the bounding box: far from the origin they would lose digits."""
     from trimesh.triangles import mass_properties
 
-    middle: FloatArray = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    triangles, middle = _centred(vertices, faces)
     with np.errstate(all="ignore"):
-        return mass_properties((vertices - middle)[faces], skip_inertia=skip_inertia), middle
+        found = mass_properties(triangles)
+    if found.volume == 0.0 or not math.isfinite(found.volume):
+        raise ValueError(f"the surface encloses a volume of {found.volume:g}")
+    return SolidProperties(float(found.volume), found.center_mass + middle, np.asarray(found.inertia))
+
+
+def _centred(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Triangles about the centre of the bounding box: integrals far from the origin lose digits."""
+    middle: FloatArray = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    return (vertices - middle)[faces], middle
 
 
 def hull_volume(vertices: FloatArray) -> float:

@@ -32,7 +32,7 @@ _METRES = {
     "foot": 0.3048,
     "meter": 1.0,
 }
-_MAX_DEPTH, _MAX_PARTS = 32, 10_000
+_MAX_DEPTH, _MAX_PARTS = 32, 2_000
 _MAX_TAGS = 2_000_000
 _NOT_SOLID = "holds negative, modifier or support volumes; export the finished solid"
 _DECLARATION = re.compile(rb"^(\xef\xbb\xbf)?\s*<\?xml[^>]*\?>")
