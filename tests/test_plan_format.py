@@ -12,8 +12,8 @@ import packenv as rp
 from packenv.io.plans import plan_to_json
 from packenv.planning import options
 from packenv.planning.inquiry import ORIENTATION
-from packenv.planning.manipulation import Reason
-from packenv.planning.manipulation_constraint import NO_GRASP
+from packenv.planning.manipulation.checker import Reason
+from packenv.planning.manipulation.constraint import NO_GRASP
 from packenv.planning.options import PlanOptions, Rule, option_names, rules
 from tests.conftest import REPO
 from tests.memory_samples import BOX, ORDER, meshes
