@@ -22,6 +22,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 MODULE = re.compile(r"python -m (\w+(?:\.\w+)*)")
 DOTTED = re.compile(r"packenv(?:\.\w+)+")
+IMPORT = re.compile(r"^from (packenv[\w.]*) import (\w+)$", re.MULTILINE)
 NUMBERED = re.compile(r"\border \d+")
 """An order by its number tells a reader nothing: say what is in it, or its index."""
 FENCED = re.compile(r"^```\w*\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -70,8 +71,9 @@ def missing_modules(text: str) -> list[str]:
 
 
 def missing_names(text: str) -> list[str]:
-    """Dotted names of the package in backticks that lead nowhere."""
+    """Dotted names of the package, in backticks or imported by an example, that lead nowhere."""
     named = {name for code in CODE.findall(text) for name in DOTTED.findall(code)}
+    named |= {f"{module}.{name}" for module, name in IMPORT.findall(text)}
     return sorted(name for name in named if not leads_somewhere(name))
 
 
@@ -135,6 +137,7 @@ def test_the_checks_find_what_is_wrong() -> None:
     assert missing_names("".join(f"`{name}`" for name in [*wrong, "packenv.types.Pose.apply"])) == sorted(
         wrong
     )
+    assert missing_names("from packenv.nowhere import Pose\n") == ["packenv.nowhere.Pose"]
     assert NUMBERED.findall("order 3 fails, order index 3 too, ten orders") == ["order 3"]
     assert list(commands("```sh\nrobotpack pack a \\\n  --out b  # c\n```\n")) == [
         ["pack", "a", "--out", "b"]
