@@ -246,7 +246,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment again, and play the episode up to where it was."""
+        """Make the environment again, and repeat the episode up to where it was."""
         config, order_generator, reward_fn, render_mode = state["choices"]
         PackEnv.__init__(
             self, config, order_generator=order_generator, reward_fn=reward_fn, render_mode=render_mode

@@ -128,14 +128,16 @@ class Planner:
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
-            first = strategy.first if strategy.again is None or best.complete else strategy.again
+            first = (
+                strategy.first if strategy.restart_tiers is None or best.complete else strategy.restart_tiers
+            )
             again = replace(self, strategy=replace(strategy, first=first))
             last = _Run(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable:
                 break
-            resort = replace(strategy, first=tiers, fallback=(tiers,), again=None, last_resorts=())
+            resort = replace(strategy, first=tiers, fallback=(tiers,), restart_tiers=None, last_resorts=())
             found = replace(self, strategy=resort).pack(given, items, container, start)
             if len(found.placements) > len(best.placements):
                 best = found
