@@ -416,6 +416,10 @@ class TestContent:
             ),
             ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}]}, "points, lines"),
             ({"scenes": [{"nodes": []}]}, "no faces"),
+            ({"meshes": [{"primitives": [{"attributes": {"POSITION": 1}}] * 99999}]}, "the limit is"),
+            ({"bufferViews": [{"buffer": 0, "byteLength": 10**6}] * 2000}, "unpacks to"),
+            ({"meshes": [{"primitives": [], "weights": [0.0, 0.5]}]}, "morph"),
+            ({"nodes": [{"mesh": 0, "weights": [1.0]}]}, "morph"),
         ],
     )
     def test_glb_that_cannot_be_read(self, change, word, tmp_path):
@@ -436,6 +440,8 @@ class TestContent:
             ("accessors", {"bufferView": None}, "damaged"),
             ("accessors", {"count": -1}, "-1"),
             ("accessors", {"count": 10**10}, "the limit is"),
+            ("accessors", {"type": "VEC3", "componentType": 5126}, "no float VEC3"),
+            ("accessors", {"type": "SCALAR", "componentType": 5125}, "no float VEC3"),
             ("accessors", {"byteOffset": 10**10}, "truncated or damaged"),
             ("bufferViews", {"byteOffset": -4}, "-4"),
             ("nodes", {"mesh": -1}, "-1"),
@@ -488,6 +494,15 @@ class TestContent:
             ("<build>", "<building>", "damaged"),
             ('<item objectid="', '<item objectid="' + "9" * 2000, "placed but not there"),
             ('unit="meter"', f'unit="{"m" * 2000}"', "millimeter"),
+            ('<item objectid="1"/>', '<item objectid="1"/>' * 2_001, "placed too often"),
+            ("<resources>", '<resources><object id="1"/>', "twice"),
+            ("<resources>", '<resources><object id="world"/>', "no number"),
+            (
+                "<resources>",
+                "<resources>" + "".join(f'<object id="{k}"/>' for k in range(9, 2100)),
+                "too many",
+            ),
+            (' y="', ' y="0 ', "0 "),
         ],
     )
     def test_3mf_that_cannot_be_read(self, old, new, word, tmp_path):
@@ -553,6 +568,26 @@ class TestContent:
         path = tmp_path / "a.3mf"
         path.write_bytes(data)
         refused(lambda: load_mesh(path), path, "damaged", error=MeshError)
+
+    def test_3mf_nested_wider_than_is_walked(self, tmp_path):
+        """Fifteen references make 255 places: the library would stop on its way and leave the rest out."""
+        levels = "".join(
+            f'<object id="{k + 1}"><components><component objectid="{k}"/><component objectid="{k}"/>'
+            "</components></object>"
+            for k in range(1, 8)
+        )
+        mesh = (
+            '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>'
+            '<vertex x="0" y="1" z="0"/></vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>'
+        )
+        path = tmp_path / "a.3mf"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(
+                "3D/3dmodel.model",
+                f'<model><resources><object id="1">{mesh}</object>{levels}</resources>'
+                '<build><item objectid="8"/></build></model>',
+            )
+        refused(lambda: load_mesh(path), path, "nested; export fewer", error=MeshError)
 
     def test_3mf_with_components_in_a_circle(self, tmp_path):
         path = tmp_path / "a.3mf"

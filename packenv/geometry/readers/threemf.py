@@ -13,17 +13,9 @@ import zipfile
 from xml.parsers import expat
 
 from packenv.errors import MeshError
-from packenv.geometry.readers.raw import (
-    MAX_FILE_BYTES,
-    RawMesh,
-    brief,
-    check_counts,
-    read_mesh,
-)
+from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh, brief, check_counts, read_mesh
 
-ROOT_MODEL = "3d/3dmodel.model"
-"""Name, in lower case, that the main model usually has inside the archive."""
-
+_ROOT_MODEL = "3d/3dmodel.model"  # as it is usually named, in lower case
 _METRES = {
     "micron": 1e-6,
     "millimeter": 1e-3,
@@ -53,7 +45,7 @@ def read_threemf(data: bytes) -> RawMesh:
         if sum(info.file_size for info in archive.infolist()) > MAX_FILE_BYTES:
             raise MeshError(f"unpacks to more than {MAX_FILE_BYTES >> 20} MiB; decimate the mesh")
         names = {name.lower().lstrip("/"): name for name in archive.namelist()}
-        root = ROOT_MODEL
+        root = _ROOT_MODEL
         if root not in names and "_rels/.rels" in names:
             for relation in re.findall(rb"<Relationship\s[^>]*>", archive.read(names["_rels/.rels"])):
                 target = re.search(rb'Target="/?([^"]*)"', relation)
@@ -64,7 +56,7 @@ def read_threemf(data: bytes) -> RawMesh:
         text = archive.read(names[root])
         for name in names:
             if name.endswith(".config") and _HELPERS.search(archive.read(names[name])):
-                raise MeshError(f"{_NOT_SOLID}")
+                raise MeshError(_NOT_SOLID)
     if b"\0" in text:
         raise MeshError(f"{brief(root)} is not in UTF-8; export it again")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
@@ -124,7 +116,7 @@ class _Model:
                     raise ValueError(f"object {brief(self.here)}: there twice, no number, or one too many")
                 self.sizes[self.here], self.held[self.here] = [0, 0], []
                 if attributes.get("type", "model") != "model":
-                    raise MeshError(f"{_NOT_SOLID}")
+                    raise MeshError(_NOT_SOLID)
             case "component" | "item" as tag:
                 if any(key.endswith("path") for key in attributes):
                     raise MeshError("keeps parts in other model files; export it as one model")
