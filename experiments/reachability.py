@@ -21,6 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 from packenv.io.containers import read_boxes
 from packenv.io.files import write_whole
 from packenv.robot.cell import NEAR_EDGE, Cell
+from packenv.robot.files import default_cell
 from packenv.robot.reachability import ReachMap, corner_distances, reach_map, share
 from packenv.robot.shapes import COLUMN_RADIUS
 from packenv.types import Container
@@ -211,7 +212,7 @@ def main() -> int:
     paper = Container(0.32, 0.32, 0.30)
     if all(box.size != paper.size for box in boxes):
         boxes.append(paper)
-    maps = {height: reach_map(height, RADII, levels=25) for height in {box.height for box in boxes}}
+    maps = {height: reach_map(default_cell().robot, height, RADII, levels=25) for height in {box.height for box in boxes}}
     rows, curves = [], {}
     for box in boxes:
         reach = maps[box.height]

@@ -26,4 +26,4 @@ def robot_urdf() -> Path:
     Raises:
         RobotPackError: the assets are not there.
     """
-    return assets_dir() / "robot" / "tx90.urdf"
+    return assets_dir() / "robots" / "tx90.urdf"

@@ -99,7 +99,7 @@ class Way:
             poses = np.repeat(mesh[None], len(lifts), axis=0)
             poses[:, 2, 3] += lifts - task.heights[-1]
             return cls(None, poses, len(heights[0]) - 1)
-        joints = [_sampled(task.joints[part], profile, v, step) for part, v in parts]
+        joints = [_sampled(cell, task.joints[part], profile, v, step) for part, v in parts]
         path = np.concatenate([joints[0], *(q[1:] for q in joints[1:])])
         hold = np.linalg.inv(_tools(cell, task.joints[-1:])[0]) @ mesh
         return cls(path, _tools(cell, path) @ hold, len(joints[0]) - 1)
@@ -172,18 +172,25 @@ def _tools(cell: Cell, joints: FloatArray) -> FloatArray:
     return tools
 
 
-def _sampled(joints: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
+def _sampled(cell: Cell, joints: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
     """(n, 6) joints at the world's time steps, both ends included."""
-    fine = refine(joints)
-    tips = gripper.flange_to_tool(tx90.forward(fine))[:, :3, 3]
-    way = follow(fine, tips, speed=speed, acceleration=profile.acceleration, share=profile.share)
+    fine = refine(cell.robot, joints)
+    tips = cell.robot.tool(fine)[:, :3, 3]
+    way = follow(
+        fine,
+        tips,
+        cell.robot.velocity,
+        speed=speed,
+        acceleration=profile.acceleration,
+        share=profile.share,
+    )
     return way.sampled(step)
 
 
 def _sampled_fall(heights: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
     """(n,) heights of an ideal hand at the world's time steps: the same profile without joints."""
     tips = np.column_stack([np.zeros((len(heights), 2)), heights])
-    way = follow(np.zeros((len(heights), 6)), tips, speed=speed, acceleration=profile.acceleration)
+    way = follow(np.zeros((len(heights), 6)), tips, np.ones(6), speed=speed, acceleration=profile.acceleration)
     travelled = abs(float(heights[0] - heights[-1])) * np.linspace(0.0, 1.0, len(way.times))
     times = np.minimum(np.arange(int(np.ceil(way.duration / step - 1e-9)) + 1) * step, way.duration)
     down: FloatArray = float(heights[0]) - np.interp(times, way.times, travelled)

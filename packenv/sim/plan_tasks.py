@@ -32,7 +32,7 @@ def task_of(placement: Placement, item: PhysicsItem, container: Container) -> Pl
         heights = np.array([lift, RELEASE_HEIGHT, 0.0])
         return PlacementTask(item, placement.rotation, placement.position, None, heights)
     try:
-        refine(path.joints)
+        refine(Cell.beside(container).robot, path.joints)
     except ValueError as problem:
         raise PlanError(f"{placement.item}: details.manipulation: {problem}, plan again") from None
     return PlacementTask(item, placement.rotation, placement.position, path.joints, path.cup_heights)

@@ -20,6 +20,7 @@ from packenv.planning.grasps import Grasp, generate_grasps
 from packenv.planning.manipulation import REASONS, ManipulationChecker, ManipulationResult
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import RIM_CLEARANCE, Cell
+from packenv.robot.files import default_cell
 from packenv.robot.shapes import GRIPPER, PRIMITIVES, arm_lowest
 from packenv.robot.tx90 import MAX_STEP
 from packenv.types import Container, Item, OrientedItem
@@ -69,7 +70,7 @@ class Scene:
             float(rng.uniform(-0.3, 0.3)),
             float(rng.choice([0, 0.1, 0.4])),
         )
-        return cls(Cell(surface.container, position), surface, oriented, corner, grasps)
+        return cls(Cell(default_cell(), surface.container, position), surface, oriented, corner, grasps)
 
     def check(self, **other) -> ManipulationResult:
         s = replace(self, **other)
@@ -132,7 +133,7 @@ def test_translating_scene_and_robot_together_changes_nothing(scenes) -> None:
         ):
             continue
         again = scene.check(
-            cell=Cell(wide, (float(x), float(y), float(z))),
+            cell=Cell(default_cell(), wide, (float(x), float(y), float(z))),
             surface=ContainerMap(wide, CELL, heights),
             corner=scene.corner + shift,
         )
@@ -455,7 +456,7 @@ def test_what_is_not_inside_is_blocked() -> None:
 
 def test_a_far_container_is_out_of_reach() -> None:
     item = oriented_of(ball(0.04))
-    cell = Cell(PAPER, (1.2, -0.16, 0.0))
+    cell = Cell(default_cell(), PAPER, (1.2, -0.16, 0.0))
     assert check(item, (0.1, 0.1, 0.0), cell=cell).reason == "unreachable"
 
 

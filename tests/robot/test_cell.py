@@ -6,6 +6,7 @@ import pytest
 from packenv.io.containers import read_boxes
 from packenv.robot import gripper, tx90
 from packenv.robot.cell import NEAR_EDGE, Cell
+from packenv.robot.files import default_cell
 from packenv.robot.reachability import corner_distances, reach_map, share
 from packenv.robot.shapes import COLUMN_RADIUS, arm_lowest
 from packenv.types import Container
@@ -77,7 +78,7 @@ def test_reach_is_the_same_all_around_the_base():
         counts = set()
         for angle in (0.0, 1.0, -2.5):
             # A container no larger than a cup, put at that azimuth; its rim is what counts.
-            cell = Cell(Container(0.1, 0.1, 0.3), (r * np.cos(angle), r * np.sin(angle), 0.0))
+            cell = Cell(default_cell(), Container(0.1, 0.1, 0.3), (r * np.cos(angle), r * np.sin(angle), 0.0))
             counts.add(len(cell.clear_branches(cell.top_down_path(np.array([0, 0, 0.1]), 0.35))))
         assert len(counts) == 1
 
@@ -91,11 +92,11 @@ def test_every_box_is_served_whole():
         nearest, farthest = corner_distances(box, corner)
         assert nearest >= COLUMN_RADIUS + 0.05
         inside = radii[(radii > nearest - 0.03) & (radii < farthest + 0.03)]
-        assert share(reach_map(box.height, inside, levels=4), box, corner) == 1.0
+        assert share(reach_map(default_cell().robot, box.height, inside, levels=4), box, corner) == 1.0
 
 
 def test_out_of_reach_lowers_the_share():
-    reach = reach_map(0.3, np.arange(0.25, 1.2, 0.05), levels=4)
+    reach = reach_map(default_cell().robot, 0.3, np.arange(0.25, 1.2, 0.05), levels=4)
     shares = [share(reach, PAPER, (x, -0.16)) for x in (0.3, 0.5, 0.7, 0.85)]
     assert shares[0] > shares[1] > shares[2] > shares[3] == 0.0
 
