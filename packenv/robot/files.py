@@ -58,7 +58,7 @@ def cell_from(record: object, where: str, folder: Path = Path()) -> CellSetup:
     Raises:
         InputError: a key is unknown or missing, or a value is wrong.
     """
-    if isinstance(record, Mapping) and "lengths_m" in record:
+    if isinstance(record, Mapping) and not {"lengths_m", "joints", "links"}.isdisjoint(record):
         return CellSetup(robot_from(record, where))
     table = Table(record, where, "robot", _CELL_KEYS)
     robot = _robot(table, folder)

@@ -55,6 +55,7 @@ def link_frames(arm, q, frames):  # type: ignore[no-untyped-def]
         q: (n, 6) model angles, rad.
         frames: (n, 7, 4, 4), overwritten; the last is the flange.
     """
+    a1, a2, b, c1, c2, c3, c4 = arm[A1], arm[A2], arm[B], arm[C1], arm[C2], arm[C3], arm[C4]
     for k in range(q.shape[0]):
         out = frames[k]
         out[:] = 0.0
@@ -62,12 +63,12 @@ def link_frames(arm, q, frames):  # type: ignore[no-untyped-def]
             out[i, 3, 3] = 1.0
         for i in range(3):
             out[0, i, i] = 1.0
-        _turn_z(out[0], 0.0, 0.0, arm[C1], q[k, 0], out[1])
-        _turn_y(out[1], arm[A1], 0.0, 0.0, q[k, 1], out[2])
-        _turn_y(out[2], 0.0, arm[B], arm[C2], q[k, 2], out[3])
-        _turn_z(out[3], arm[A2], 0.0, 0.0, q[k, 3], out[4])
-        _turn_y(out[4], 0.0, 0.0, arm[C3], q[k, 4], out[5])
-        _turn_z(out[5], 0.0, 0.0, arm[C4], q[k, 5], out[6])
+        _turn_z(out[0], 0.0, 0.0, c1, q[k, 0], out[1])
+        _turn_y(out[1], a1, 0.0, 0.0, q[k, 1], out[2])
+        _turn_y(out[2], 0.0, b, c2, q[k, 2], out[3])
+        _turn_z(out[3], a2, 0.0, 0.0, q[k, 3], out[4])
+        _turn_y(out[4], 0.0, 0.0, c3, q[k, 4], out[5])
+        _turn_z(out[5], 0.0, 0.0, c4, q[k, 5], out[6])
 
 
 @njit(cache=True, nogil=True)
@@ -107,10 +108,10 @@ def branches(arm, pose, q):  # type: ignore[no-untyped-def]
             branch does not exist.
     """
     q[:] = np.nan
-    b, upper_arm, forearm, psi = arm[B], arm[C2], arm[FOREARM], arm[PSI]
-    px = pose[0, 3] - arm[C4] * pose[0, 2]
-    py = pose[1, 3] - arm[C4] * pose[1, 2]
-    w = pose[2, 3] - arm[C4] * pose[2, 2] - arm[C1]
+    a1, b, upper_arm, c4, forearm, psi = arm[A1], arm[B], arm[C2], arm[C4], arm[FOREARM], arm[PSI]
+    px = pose[0, 3] - c4 * pose[0, 2]
+    py = pose[1, 3] - c4 * pose[1, 2]
+    w = pose[2, 3] - c4 * pose[2, 2] - arm[C1]
     # The radius is compared before it is squared: squares lose the tolerance near the border.
     radius = sqrt(px * px + py * py)
     if radius < abs(b) - REACH_TOLERANCE:
@@ -120,7 +121,7 @@ def branches(arm, pose, q):  # type: ignore[no-untyped-def]
         x = along if shoulder == 0 else -along
         q1 = wrapped(atan2(py, px) - atan2(b, x))
         c1, s1 = cos(q1), sin(q1)
-        u = x - arm[A1]
+        u = x - a1
         distance = sqrt(u * u + w * w)
         longest, shortest = upper_arm + forearm, abs(upper_arm - forearm)
         if not shortest - REACH_TOLERANCE <= distance <= longest + REACH_TOLERANCE:
@@ -178,9 +179,10 @@ def into_limits(arm, q):  # type: ignore[no-untyped-def]
     for j in range(6):
         value = wrapped(q[j])
         best = np.inf
+        low, high, zero = arm[LOWER + j] - LIMIT_TOLERANCE, arm[UPPER + j] + LIMIT_TOLERANCE, arm[ZERO + j]
         for turn in range(-1, 2):
             turned = value + turn * _TURN
-            if _within(arm, j, turned) and abs(turned - arm[ZERO + j]) < abs(best - arm[ZERO + j]):
+            if low <= turned <= high and abs(turned - zero) < abs(best - zero):
                 best = turned
         if best == np.inf:
             inside = False
@@ -230,9 +232,8 @@ def _step(before, after, bound):  # type: ignore[no-untyped-def]
 def _bends_within(arm, q):  # type: ignore[no-untyped-def]
     """Whether joints 2, 3 and 5, which few arms can turn by whole turns, are within their limits."""
     for j in (1, 2, 4):
-        if not (
-            _within(arm, j, q[j]) or _within(arm, j, q[j] - _TURN) or _within(arm, j, q[j] + _TURN)
-        ):
+        turned = _within(arm, j, q[j]) or _within(arm, j, q[j] - _TURN) or _within(arm, j, q[j] + _TURN)
+        if not turned:
             return False
     return True
 

@@ -7,7 +7,6 @@ of link 6, z out of the flange. Angles in rad, lengths in m, poses as homogeneou
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 

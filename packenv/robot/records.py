@@ -25,13 +25,9 @@ def robot_from(record: object, where: str) -> OpwArm:
     Raises:
         InputError: a key is unknown or missing, or a value is wrong.
     """
-    table = Table(
-        record, where, "name title source lengths_m joints links gripper near_edge_m", "payload_kg"
-    )
+    table = Table(record, where, "name title source lengths_m joints links gripper near_edge_m", "payload_kg")
     lengths = _lengths(Table(table.value("lengths_m"), table.place("lengths_m"), "a1 a2 b c1 c2 c3 c4"))
-    joints = tuple(
-        _joint(row, table.place(f"joints[{k}]")) for k, row in enumerate(table.rows("joints", 6))
-    )
+    joints = tuple(_joint(row, table.place(f"joints[{k}]")) for k, row in enumerate(table.rows("joints", 6)))
     links = [
         Table(row, table.place(f"links[{k}]"), "name mass_kg shapes")
         for k, row in enumerate(table.rows("links", 7))
