@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.errors import InputError
 from packenv.extensions import is_extension
 
@@ -117,7 +117,7 @@ def _run(arguments: argparse.Namespace) -> int:
     orders = given if own else _document(given, "--order-generator")
 
     # Only now: --help and mistakes need not wait for the planner's libraries.
-    from packenv.env_config import PackConfig
+    from packenv.env.config import PackConfig
 
     from .running import AgentSpec, EpisodeRecord, FailedEpisode, Setting, episode_jobs
     from .summary import summarize, table

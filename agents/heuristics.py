@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.observation import FEATURES
+from packenv.env.observation import FEATURES
 from packenv.types import IntArray
 
 from .protocol import Observation
@@ -41,7 +41,7 @@ class RankAgent:
         """Follow a heuristic.
 
         Args:
-            heuristic: one of :data:`packenv.observation.HEURISTIC_COLUMNS`.
+            heuristic: one of :data:`packenv.env.observation.HEURISTIC_COLUMNS`.
             below: as in :func:`first_in_rank`.
         """
         self._column = FEATURES.index(f"rank_{heuristic}")

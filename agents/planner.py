@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from packenv.env.observation import HEURISTIC_COLUMNS
 from packenv.errors import InputError
-from packenv.observation import HEURISTIC_COLUMNS
-from packenv.planning.packer import MAX_CHECKED
+from packenv.planning.planner import MAX_CHECKED
 
 from .heuristics import RankAgent
 
@@ -15,7 +15,7 @@ class PlannerAgent(RankAgent):
     It takes the first valid candidate in the order of the heuristic if that is among the first
     ``max_checked`` legal ones, else it defers. *Defer* is Alg. 4's way into U; when the item comes back, the
     environment offers its stable poses on the pile of now, then the perturbed ones group by group. So with
-    physics off it places exactly as :meth:`packenv.planning.packer.Planner.pack` does without restarts, by
+    physics off it places exactly as :meth:`packenv.planning.planner.Planner.pack` does without restarts, by
     the rule of stability of the environment.
     """
 
@@ -23,7 +23,7 @@ class PlannerAgent(RankAgent):
         """Choose the planner.
 
         Args:
-            heuristic: one of :data:`packenv.observation.HEURISTIC_COLUMNS`.
+            heuristic: one of :data:`packenv.env.observation.HEURISTIC_COLUMNS`.
             max_checked: the paper's N; beyond that of the environment's configuration it only asks for what
                 happens to be among the candidates.
 

@@ -17,9 +17,9 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 
+from packenv.env.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
 from packenv.errors import InputError
 from packenv.io.files import write_whole
-from packenv.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
 
 from .placement_network import NetworkConfig, ObservationLayout, PlacementNetwork
 

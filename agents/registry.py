@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
 from types import MappingProxyType
 from typing import cast
 
-from packenv.errors import InputError
+from packenv.errors import InputError, closest_match
 from packenv.extensions import is_extension, made_extension
 
 from .protocol import Agent
@@ -78,5 +77,4 @@ def _acts(thing: object) -> bool:
 
 
 def _hint(name: str) -> str:
-    close = difflib.get_close_matches(name.lower(), NAMES, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else f", give one of {', '.join(NAMES)}"
+    return closest_match(name, NAMES, f", give one of {', '.join(NAMES)}")

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from packenv.env_config import PackConfig
-from packenv.io.catalogues import BUILTIN
+from packenv.env.config import PackConfig
+from packenv.io.assets import BUILTIN
 from packenv.io.rows import row_key
 from packenv.version import __version__
 
@@ -28,7 +28,7 @@ TIMEOUT = 1800.0
 """Seconds after which a worker process gives an episode up."""
 
 OrderSpec: TypeAlias = Mapping[str, object] | str
-"""What :func:`packenv.order_generators.from_spec` takes."""
+"""What :func:`packenv.env.orders.from_spec` takes."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Setting:
         Raises:
             InputError: the catalogue or the specification of the orders is wrong.
         """
-        from packenv.env import PackEnv
+        from packenv.env.pack_env import PackEnv
 
         return PackEnv(self.config, order_generator=self.order_generator)
 

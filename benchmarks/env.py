@@ -37,14 +37,19 @@ import numpy as np
 import psutil
 from tqdm import tqdm
 
-from packenv import candidate_set, episode
-from packenv.env import PackEnv
-from packenv.io.catalogues import open_catalogue
-from packenv.observation import FEATURES, Observer
-from packenv.physical_pile import PhysicalArrangement
-from packenv.planning import equilibrium_solvers, scores, stability, stability_constraint
-from packenv.planning.manipulation_constraint import ManipulationConstraint
-from packenv.planning.stability_constraint import StabilityConstraint
+from packenv.env import candidate_set, episode
+from packenv.env.observation import FEATURES, Observer
+from packenv.env.pack_env import PackEnv
+from packenv.env.physical_arrangement import PhysicalArrangement
+from packenv.items.catalogue import open_catalogue
+from packenv.planning.manipulation.constraint import ManipulationConstraint
+from packenv.planning.search import heuristics as scores
+from packenv.planning.stability import (
+    checker as stability,
+    constraint as stability_constraint,
+    solvers as equilibrium_solvers,
+)
+from packenv.planning.stability.constraint import StabilityConstraint
 from packenv.sim.session import Session
 
 MODES: dict[str, dict[str, Any]] = {

@@ -46,10 +46,10 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from packenv import api
 from packenv.config import GridConfig
+from packenv.execution.physics_planner import CAREFUL, STRICT
 from packenv.io.assets import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.shelves import ItemShelf
-from packenv.physics_planning import CAREFUL, STRICT
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask, Way

@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks.orders import random_orders
 from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
-from packenv.planning.candidates import grid_search
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Planner, by_box_volume
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import Planner, by_box_volume
+from packenv.planning.search.candidates import grid_search
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.types import Container
 
 

@@ -29,12 +29,12 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.candidates import grid_search
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.grasps import Grasp, generate_grasps
-from packenv.planning.manipulation import ManipulationChecker
+from packenv.planning.manipulation.checker import ManipulationChecker
+from packenv.planning.manipulation.grasps import Grasp, generate_grasps
 from packenv.planning.options import GraspRule
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.search.candidates import grid_search
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.robot.cell import Cell
 from packenv.types import Container, OrientedItem
 

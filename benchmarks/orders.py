@@ -8,8 +8,8 @@ import numpy as np
 
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.candidates import grid_search
-from packenv.planning.container_map import ContainerMap
+from packenv.planning.search.candidates import grid_search
+from packenv.planning.search.container_map import ContainerMap
 from packenv.types import Container
 
 

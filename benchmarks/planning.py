@@ -29,16 +29,16 @@ from tqdm import tqdm
 from benchmarks import reference
 from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
-from packenv.cli import planning_options
-from packenv.commands.pack import options_from
-from packenv.io.catalogues import open_catalogue
+from packenv.cli.pack import options_from
+from packenv.cli.parser import planning_options
+from packenv.execution.planning_job import PlanningJob
 from packenv.io.containers import parse_container, read_boxes
-from packenv.io.item_cache import ItemCache
-from packenv.io.shelves import ONE_USER, ItemShelf
+from packenv.items.cache import ItemCache
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ONE_USER, ItemShelf
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
-from packenv.planning_job import PlanningJob
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting
 from packenv.types import OrientedItem
 
 

@@ -16,7 +16,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from packenv.config import GridConfig
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.packer import by_box_volume
+from packenv.planning.planner import by_box_volume
 from packenv.types import Container, FloatArray, Item
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 
 from packenv.config import GridConfig
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import Geometry
 
 

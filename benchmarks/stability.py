@@ -25,15 +25,15 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
-from packenv.planning.contact_patches import thin
-from packenv.planning.contacts import Body, item_contacts, join, no_contacts
-from packenv.planning.equilibrium import build_equilibrium
-from packenv.planning.equilibrium_solvers import solve_cvxpy
-from packenv.planning.margins import MarginRule, check_margin, measure_margin
-from packenv.planning.packer import Planner, by_box_volume
-from packenv.planning.paper_contacts import paper_contacts
-from packenv.planning.scores import HEURISTICS
-from packenv.planning.stability import StabilityChecker
+from packenv.planning.planner import Planner, by_box_volume
+from packenv.planning.search.heuristics import HEURISTICS
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.contact_patches import thin
+from packenv.planning.stability.contacts import Body, item_contacts, join, no_contacts
+from packenv.planning.stability.equilibrium import build_equilibrium
+from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin
+from packenv.planning.stability.paper_contacts import paper_contacts
+from packenv.planning.stability.solvers import solve_cvxpy
 
 
 def timed(work: Callable[[], Any]) -> tuple[float, Any]:

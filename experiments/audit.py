@@ -21,15 +21,15 @@ from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
 from experiments.runs import finish, order_options
 from packenv import api
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Order
-from packenv.verification import verify
+from packenv.verification.report import verify
 from packenv.version import __version__
 
 GRID = GridConfig()

@@ -46,9 +46,9 @@ from experiments.execution import figures
 from experiments.physics_orders import CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.carrying_out import execute
-from packenv.commands.reporting import reported
-from packenv.io.shelves import ItemShelf
+from packenv.cli.exit_codes import reported
+from packenv.execution.execute import execute
+from packenv.items.shelf import ItemShelf
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
 

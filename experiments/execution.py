@@ -18,8 +18,8 @@ from typing import Any
 from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from experiments.runs import finish
-from packenv.carrying_out import execute
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
+from packenv.execution.execute import execute
 from packenv.io.rows import row_key
 from packenv.planning.options import PlanOptions
 from packenv.sim.disturbance import Disturbance

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from packenv import api
 from packenv.io.rows import row_key
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Item, Order, Plan

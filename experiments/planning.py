@@ -22,16 +22,16 @@ from benchmarks.orders import fitting, random_orders, small_orders
 from benchmarks.shelf import open_shelf
 from experiments.runs import finish, order_options
 from packenv import api
-from packenv.cli import planning_options
-from packenv.commands.pack import options_from
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
+from packenv.cli.pack import options_from
+from packenv.cli.parser import planning_options
 from packenv.config import GridConfig
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
-from packenv.io.shelves import ItemShelf
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
-from packenv.planning.orientations import perturbations
+from packenv.planning.search.orientations import perturbations
 from packenv.types import Container, Order, Plan
 from packenv.version import __version__
 

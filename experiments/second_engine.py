@@ -44,8 +44,8 @@ from experiments.mujoco_pile import MujocoConfig
 from experiments.physics_orders import BOX, CONFIG, Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
-from packenv.carrying_out import execute
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
+from packenv.execution.execute import execute
 from packenv.sim.plan_tasks import task_of
 
 MUJOCO = MujocoConfig()

@@ -23,19 +23,18 @@ if _TYPE_CHECKING:
         rehearse as rehearse,
         save_plan as save_plan,
     )
-    from packenv.carrying_out import ExecutedPlan as ExecutedPlan, execute as execute
-    from packenv.env import PackEnv as PackEnv
-    from packenv.env_config import PackConfig as PackConfig
+    from packenv.env.config import PackConfig as PackConfig
+    from packenv.env.orders import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
+    from packenv.env.pack_env import PackEnv as PackEnv
+    from packenv.env.reward import Outcome as Outcome, RewardFn as RewardFn
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
-    from packenv.io.catalogues import Catalogue as Catalogue
-    from packenv.io.shelves import ItemShelf as ItemShelf
-    from packenv.order_generators import GeneratedOrder as GeneratedOrder, OrderGenerator as OrderGenerator
-    from packenv.planning.candidates import Candidates as Candidates
+    from packenv.execution.execute import ExecutedPlan as ExecutedPlan, execute as execute
+    from packenv.items.catalogue import Catalogue as Catalogue
+    from packenv.items.shelf import ItemShelf as ItemShelf
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
     from packenv.planning.options import PlanOptions as PlanOptions
-    from packenv.planning.scores import Heuristic as Heuristic
-    from packenv.reward import Outcome as Outcome, RewardFn as RewardFn
-    from packenv.showing import show as show
+    from packenv.planning.search.candidates import Candidates as Candidates
+    from packenv.planning.search.heuristics import Heuristic as Heuristic
     from packenv.types import (
         Container as Container,
         Item as Item,
@@ -46,40 +45,41 @@ if _TYPE_CHECKING:
         Pose as Pose,
         RobotPath as RobotPath,
     )
-    from packenv.verification import Verification as Verification, verify as verify
+    from packenv.verification.report import Verification as Verification, verify as verify
+    from packenv.view.show import show as show
     from packenv.watcher import Watcher as Watcher
 
 from packenv.version import __version__ as __version__
 
 _PUBLIC = {
-    "Candidates": "packenv.planning.candidates",
-    "Catalogue": "packenv.io.catalogues",
+    "Candidates": "packenv.planning.search.candidates",
+    "Catalogue": "packenv.items.catalogue",
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
-    "ExecutedPlan": "packenv.carrying_out",
-    "GeneratedOrder": "packenv.order_generators",
-    "Heuristic": "packenv.planning.scores",
+    "ExecutedPlan": "packenv.execution.execute",
+    "GeneratedOrder": "packenv.env.orders",
+    "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
     "Item": "packenv.types",
-    "ItemShelf": "packenv.io.shelves",
+    "ItemShelf": "packenv.items.shelf",
     "Leftover": "packenv.types",
     "Order": "packenv.types",
-    "OrderGenerator": "packenv.order_generators",
-    "Outcome": "packenv.reward",
-    "PackConfig": "packenv.env_config",
-    "PackEnv": "packenv.env",
+    "OrderGenerator": "packenv.env.orders",
+    "Outcome": "packenv.env.reward",
+    "PackConfig": "packenv.env.config",
+    "PackEnv": "packenv.env.pack_env",
     "Placement": "packenv.types",
     "Plan": "packenv.types",
     "PlanOptions": "packenv.planning.options",
     "Pose": "packenv.types",
-    "RewardFn": "packenv.reward",
+    "RewardFn": "packenv.env.reward",
     "RobotPackError": "packenv.errors",
     "RobotPath": "packenv.types",
     "Trial": "packenv.planning.constraints",
     "Verdict": "packenv.planning.constraints",
-    "Verification": "packenv.verification",
+    "Verification": "packenv.verification.report",
     "Watcher": "packenv.watcher",
-    "execute": "packenv.carrying_out",
+    "execute": "packenv.execution.execute",
     "load_catalogue": "packenv.api",
     "load_order": "packenv.api",
     "load_plan": "packenv.api",
@@ -87,14 +87,14 @@ _PUBLIC = {
     "plan_rest": "packenv.api",
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",
-    "show": "packenv.showing",
-    "verify": "packenv.verification",
+    "show": "packenv.view.show",
+    "verify": "packenv.verification.report",
 }
 """Public names, and the modules that they are in."""
 
 __all__ = [*sorted(_PUBLIC), "__version__"]
 
-_register("RobotPack-v0", entry_point="packenv.env:PackEnv")
+_register("RobotPack-v0", entry_point="packenv.env.pack_env:PackEnv")
 
 
 def __getattr__(name: str) -> _Any:

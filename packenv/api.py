@@ -22,13 +22,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from packenv.errors import InputError, OrderError
-from packenv.io.catalogues import Catalogue, closest_match
+from packenv.execution.planning_job import PlanningJob
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.orders import read_order
-from packenv.io.plan_maker import make_plan
 from packenv.io.plans import write_plan
-from packenv.io.shelves import ItemShelf
-from packenv.plan_items import (
+from packenv.items.catalogue import Catalogue
+from packenv.items.plan_items import (
     Items,
     catalogue_of,
     open_plan,
@@ -39,20 +38,21 @@ from packenv.plan_items import (
     shelf_for,
     shelf_of,
 )
-from packenv.planning.measured import Resting
+from packenv.items.plan_maker import make_plan
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
-from packenv.planning_job import PlanningJob
-from packenv.showing import show
+from packenv.planning.search.measured import Resting
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose
-from packenv.verification import Verification, verify
+from packenv.verification.report import Verification, verify
+from packenv.view.show import show
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
     import trimesh
 
-    from packenv.carrying_out import ExecutedPlan, execute
-    from packenv.rehearsal import Rehearsed
+    from packenv.execution.execute import ExecutedPlan, execute
+    from packenv.execution.rehearsal import Rehearsed
 
 __all__ = [
     "ExecutedPlan",
@@ -74,9 +74,9 @@ def __getattr__(name: str) -> Any:
     """Load the physics engine only for those who execute: not every Python has one."""
     if name not in ("execute", "ExecutedPlan"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import packenv.carrying_out
+    import packenv.execution.execute
 
-    return getattr(packenv.carrying_out, name)
+    return getattr(packenv.execution.execute, name)
 
 
 def load_catalogue(
@@ -340,9 +340,4 @@ def _check_names(order: Order, shelf: ItemShelf) -> None:
         raise OrderError(f"the order is {order!r:.60}, give packenv.Order.of('mug', 'bowl')")
     if not order.names:
         raise OrderError("the order is empty, give at least one item")
-    for name in dict.fromkeys(order.names):
-        if name not in shelf:
-            hint = closest_match(name, shelf.catalogue.names)
-            raise OrderError(
-                f"the order asks for {name!r}, which {shelf.catalogue.label} does not have{hint}"
-            )
+    shelf.check_known(order.names)

@@ -8,7 +8,7 @@ exits with code 2. "It cannot be packed" is not an error: it is an answer, and a
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from numbers import Integral, Real
 
 
@@ -38,7 +38,7 @@ def check_known(names: Iterable[object], known: Sequence[str], complaint: str, l
     """
     for name in names:
         if name not in known:
-            hint = nearest(name, known) or f"; {listing} {', '.join(known)}"
+            hint = closest_match(name, known, f"; {listing} {', '.join(known)}")
             raise InputError(f"{complaint} {str(name)!r:.60}{hint}")
 
 
@@ -47,11 +47,26 @@ def is_number(value: object, *, whole: bool = False) -> bool:
     return isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
 
 
-def nearest(word: object, known: Iterable[str]) -> str:
-    """The end of a message about an unknown word: the closest one that there is; empty where none is near."""
-    names = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(str(word).lower(), names, n=1)
-    return f"; did you mean {names[close[0]]!r}?" if close else ""
+def closest_match(name: object, known: Iterable[str], otherwise: str = "") -> str:
+    """The end of a message about an unknown name: the closest one that there is.
+
+    Args:
+        name: what was given.
+        known: what there is.
+        otherwise: the end of the message where none is near.
+    """
+    names = {other.lower(): other for other in known}
+    word = str(name).lower()
+    # A short name is often meant as part of a long one ("mug" for "025_mug").
+    near = sorted((other for other in names if word in other), key=len) if len(word) >= 3 else []
+    near = near or difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    return f"; did you mean {names[near[0]]!r}?" if near else otherwise
+
+
+def closest_item(name: object, items: Collection[str]) -> str:
+    """The end of a message about an unknown item: the closest one, or how many there are."""
+    such = f"; it has {len(items)} items, such as {next(iter(items))!r}" if items else ""
+    return closest_match(name, items, such)
 
 
 class MeshError(InputError):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from packenv.errors import InputError, nearest
+from packenv.errors import InputError, closest_match
 
 
 def is_extension(text: str) -> bool:
@@ -37,7 +37,7 @@ def load_extension(text: str, what: str) -> Any:
     for word in path.split("."):
         if not hasattr(found, word):
             public = [name for name in dir(found) if not name.startswith("_")]
-            raise InputError(f"{what} {text}: {module_name} has no {word!r}{nearest(word, public)}")
+            raise InputError(f"{what} {text}: {module_name} has no {word!r}{closest_match(word, public)}")
         found = getattr(found, word)
     return found
 

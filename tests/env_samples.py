@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from packenv.env import PackEnv
-from packenv.observation import FEATURES
-from packenv.order_generators import GeneratedOrder
-from packenv.reward import Outcome
+from packenv.env.observation import FEATURES
+from packenv.env.orders import GeneratedOrder
+from packenv.env.pack_env import PackEnv
+from packenv.env.reward import Outcome
 
 ITEMS = ("gelatin_box", "soap_bar", "golf_ball", "tuna_can", "toy_brick_2x4", "foam_brick")
 """Of the built-in catalogue."""

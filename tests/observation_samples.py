@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.observation import FEATURES, HEURISTIC_COLUMNS, ITEM_FEATURES, STATE_FEATURES
+from packenv.env.observation import FEATURES, HEURISTIC_COLUMNS, ITEM_FEATURES, STATE_FEATURES
 
 PIXEL = 0.01
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from packenv.config import GridConfig
-from packenv.io.catalogues import Catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import Catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import Geometry
 from packenv.types import Item
 from tests.shapes import box

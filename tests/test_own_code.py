@@ -107,7 +107,7 @@ def test_a_module_of_the_current_folder_is_not_run(folder: Path, tmp_path: Path)
         ["execute", str(path), "--closed-loop"],
     ):
         done = subprocess.run(
-            [sys.executable, "-m", "packenv.cli", *command],
+            [sys.executable, "-m", "packenv", *command],
             cwd=tmp_path,
             env={**__import__("os").environ, "PYTHONPATH": str(REPO)},
             capture_output=True,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import highspy
 
-from packenv.planning import equilibrium_solvers as solvers
+from packenv.planning.stability import solvers
 from packenv.quiet import engine_muted
 from tests.conftest import REPO
 
@@ -41,9 +41,9 @@ def test_a_talkative_solver_is_made_in_silence(monkeypatch, capfd):
 
 def test_the_solvers_print_nothing_in_a_fresh_process():
     code = """
-from packenv.planning.equilibrium import build_equilibrium
-from packenv.planning.equilibrium_solvers import highs_solver, solve_cvxpy
-from tests.planning import piles
+from packenv.planning.stability.equilibrium import build_equilibrium
+from packenv.planning.stability.solvers import highs_solver, solve_cvxpy
+from tests.planning.stability import piles
 box = build_equilibrium(*piles.box_on_floor().args)
 assert solve_cvxpy(box).solver == "cvxpy/HIGHS"
 highs_solver()

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from packenv.agents.__main__ import read_document
-from packenv.commands.reporting import reported
+from packenv.cli.exit_codes import reported
 from packenv.errors import InputError
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from packenv.env import PackEnv
+from packenv.env.pack_env import PackEnv
 from packenv.io.rows import row_key
 
 from .config import TrainConfig

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeVar
 
 from packenv.agents.placement_network import NetworkConfig
-from packenv.errors import InputError
+from packenv.errors import InputError, closest_match
 
 T = TypeVar("T")
 
@@ -155,13 +154,14 @@ def _checked(where: str, mapping: object, kind: type[Any]) -> dict[str, Any]:
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {mapping!r}, give a JSON object")
     known = {f.name: f for f in fields(kind)}
+    known_names = ", ".join(known)
     defaults = kind()
     values: dict[str, Any] = {}
     for key, value in mapping.items():
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
-            raise InputError(f"{where} has no {key!r}; {hint}")
+            raise InputError(
+                f"{where} has no {key!r}{closest_match(key, known, f'; there are {known_names}')}"
+            )
         if value is None and "None" in str(known[key].type):
             values[key] = None
             continue

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv, VecMonitor
 
-from packenv.env import PackEnv
+from packenv.env.pack_env import PackEnv
 
 from .config import TrainConfig
 

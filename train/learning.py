@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from packenv.agents import make
 from packenv.agents.placement_network import ObservationLayout
 from packenv.agents.policy_files import current_layout
-from packenv.env import PackEnv
-from packenv.env_config import PackConfig
+from packenv.env.config import PackConfig
+from packenv.env.pack_env import PackEnv
 
 from .checkpoints import Checkpoints
 from .config import TrainConfig

@@ -1,1 +1,4 @@
-"""Files: catalogues, orders, containers, plans, the viewer page and pictures."""
+"""Files, and nothing else: plans, executions, orders, containers, tables, rows of results, and the assets' places.
+
+May import the records that files hold (geometry, planning, sim); knows nothing of catalogues, pages or pictures.
+"""

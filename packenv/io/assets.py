@@ -6,6 +6,12 @@ from pathlib import Path
 
 from packenv.errors import RobotPackError
 
+BUILTIN = "builtin"
+"""Label of the catalogue that RobotPack brings along."""
+
+MEMORY = "<memory>"
+"""Label of a catalogue whose items are in no folder; no folder is likely to have this name."""
+
 
 def assets_dir() -> Path:
     """Folder of the built-in assets: inside the installed package, or beside it in a checkout.

@@ -7,8 +7,7 @@ import re
 from collections.abc import Collection
 from pathlib import Path
 
-from packenv.errors import OrderError
-from packenv.io.catalogues import closest_match
+from packenv.errors import OrderError, closest_item
 from packenv.io.tables import read_table, read_text
 from packenv.types import Order, OrderLine
 
@@ -45,7 +44,7 @@ def read_order(path: Path, catalogue_names: Collection[str]) -> Order:
     names = frozenset(catalogue_names)
     for where, line in lines:
         if line.item not in names:
-            hint = closest_match(line.item, tuple(catalogue_names))
+            hint = closest_item(line.item, catalogue_names)
             raise OrderError(f"{where}: no item {line.item!r} in the catalogue{hint}")
     pieces = sum(line.qty for _, line in lines)
     if pieces > MAX_PIECES:

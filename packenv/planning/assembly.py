@@ -13,17 +13,17 @@ from packenv.extensions import code_digest, is_extension, load_extension, made_e
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
-from packenv.planning.manipulation import ManipulationChecker
-from packenv.planning.manipulation_constraint import ManipulationConstraint
-from packenv.planning.margins import MarginRule
+from packenv.planning.manipulation.checker import ManipulationChecker
+from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import OWN, PlanOptions, StabilityRule
-from packenv.planning.orientations import perturbations
 from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
-from packenv.planning.packer import Planner
-from packenv.planning.scores import HEURISTICS, Heuristic, heuristic_named, name_of
-from packenv.planning.stability import StabilityChecker
-from packenv.planning.stability_constraint import StabilityConstraint
-from packenv.planning.turns import Strategy, Tier
+from packenv.planning.planner import Planner
+from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_named, name_of
+from packenv.planning.search.orientations import perturbations
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.constraint import StabilityConstraint
+from packenv.planning.stability.margins import MarginRule
+from packenv.planning.tiers import Strategy, Tier
 from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
@@ -34,7 +34,7 @@ EACH_WARY = 12
 
 
 class PlanningItems(Protocol):
-    """All that planning needs of items, by name; :class:`packenv.io.shelves.ItemShelf` has it."""
+    """All that planning needs of items, by name; :class:`packenv.items.shelf.ItemShelf` has it."""
 
     @property
     def grid(self) -> GridConfig:
@@ -183,10 +183,10 @@ def assemble(
 
     Raises:
         InputError: an own heuristic or constraint cannot be used.
-        ValueError: the options ask for physics, which :mod:`packenv.physics_planning` adds.
+        ValueError: the options ask for physics, which :mod:`packenv.execution.physics_planner` adds.
     """
     if options.stability == "physics":
-        raise ValueError("stability is 'physics': let packenv.physics_planning make the planner")
+        raise ValueError("stability is 'physics': let packenv.execution.physics_planner make the planner")
     constraints = constraints_of(options, items, container, margins=margins)
     levels = clearances(options.clearance, options.grid)
     wider = bool(constraints) or options.search == "5d"

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting
 from packenv.types import Container, FloatArray, Item, OrientedItem, RobotPath
 
 

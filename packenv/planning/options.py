@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
-from packenv.errors import InputError, check_known, is_number, nearest
+from packenv.errors import InputError, check_known, closest_match, is_number
 from packenv.extensions import extension_name, is_extension
 
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
     from packenv.planning.constraints import Constraint
-    from packenv.planning.scores import Heuristic
+    from packenv.planning.search.heuristics import Heuristic
 
 HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "random"]
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
@@ -74,7 +74,7 @@ class Rule:
             number: Any = value
             ok = is_number(value, whole=bool(self.whole)) and self.least <= number <= self.most
         if not ok:
-            hint = nearest(value, self.words) if isinstance(value, str) else ""
+            hint = closest_match(value, self.words) if isinstance(value, str) else ""
             raise InputError(f"{name} is {value!r:.60}, give {self.right}{hint}")
 
 
@@ -100,13 +100,13 @@ class PlanOptions:
 
     Attributes:
         heuristic: how candidates are ranked: a name, an own one as ``module:name``, or a function
-            (:mod:`packenv.planning.scores`).
+            (:mod:`packenv.planning.search.heuristics`).
         tie_break: c of ``hm`` and ``dblf``: weight of X + Y; None takes what measured best, the paper: 1.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
         own_constraints: further ones, each an object or ``module:name``.
         stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
             while all others are held, and what has no such place goes last; ``margin``: the whole pile also
-            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.physics_planning`).
+            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.execution.physics_planner`).
         contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
@@ -117,7 +117,7 @@ class PlanOptions:
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
-            (:mod:`packenv.rehearsal`).
+            (:mod:`packenv.execution.rehearsal`).
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
             None takes ``parts`` where physics is asked, else ``mesh``; either is None where it is that, too,
             see :attr:`shape`.
@@ -336,7 +336,7 @@ def heuristic_label(heuristic: str | Heuristic) -> str:
     """The name of a heuristic in files and messages."""
     if isinstance(heuristic, str):
         return heuristic
-    from packenv.planning.scores import name_of
+    from packenv.planning.search.heuristics import name_of
 
     name = name_of(heuristic)
     return (extension_name(heuristic) or OWN) if name == "own" else name

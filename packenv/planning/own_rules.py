@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from packenv.errors import InputError, RobotPackError
-from packenv.planning.candidates import Candidates
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
-from packenv.planning.scores import Heuristic
+from packenv.planning.search.candidates import Candidates
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import Heuristic
+from packenv.planning.search.measured import Resting
 from packenv.types import Container, FloatArray, Item, OrientedItem
 
 Kind = TypeVar("Kind", bound=np.generic)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from packenv.planning.container_map import ContainerMap
+from packenv.planning.search.container_map import ContainerMap
 from packenv.types import Container, Leftover, Placement, Plan
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.observation import FEATURES, HEURISTIC_COLUMNS
+from packenv.env.observation import FEATURES, HEURISTIC_COLUMNS
 
 Observation = Mapping[str, NDArray[Any]]
 

@@ -11,8 +11,8 @@ import pytest
 
 from packenv import agents
 from packenv.agents.planner import PlannerAgent
+from packenv.env.observation import HEURISTIC_COLUMNS
 from packenv.errors import InputError
-from packenv.observation import HEURISTIC_COLUMNS
 from tests.agents.observations import random_observation, rank, stacked
 
 RANKED = [name for name in agents.NAMES if name in HEURISTIC_COLUMNS]

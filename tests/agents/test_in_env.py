@@ -13,18 +13,18 @@ from packenv import agents
 from packenv.agents.planner import PlannerAgent
 from packenv.agents.protocol import Agent
 from packenv.config import GridConfig
-from packenv.env import PackEnv
-from packenv.env_config import PackConfig
-from packenv.io.catalogues import open_catalogue
-from packenv.io.shelves import ItemShelf
-from packenv.observation import FEATURES, HEURISTIC_COLUMNS
+from packenv.env.config import PackConfig
+from packenv.env.observation import FEATURES, HEURISTIC_COLUMNS
+from packenv.env.pack_env import PackEnv
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
-from packenv.planning.candidates import grid_search
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import PlanOptions
-from packenv.planning.packer import by_box_volume
 from packenv.planning.packing import Packing
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import by_box_volume
+from packenv.planning.search.candidates import grid_search
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.types import Container
 from tests.shelf_samples import shelf_of
 

@@ -77,7 +77,7 @@ def test_own_agents_and_generators_go_by_module_and_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "own_agents_of_mine.py").write_text(
-        "from packenv.order_generators import GeneratedOrder\n"
+        "from packenv.env.orders import GeneratedOrder\n"
         "class Deferrer:\n"
         "    def act(self, obs, info):\n"
         "        return len(obs['action_mask']) - 1\n"

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from packenv.env.observation import FEATURES
 from packenv.errors import InputError
-from packenv.observation import FEATURES
 from tests.observation_samples import PIXEL, observations
 
 torch = pytest.importorskip(

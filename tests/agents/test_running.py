@@ -19,7 +19,7 @@ from packenv.agents.running import (
     run_episodes,
 )
 from packenv.config import GridConfig
-from packenv.env_config import PackConfig
+from packenv.env.config import PackConfig
 from packenv.errors import InputError
 
 CONFIG = PackConfig(

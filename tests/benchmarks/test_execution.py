@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import execution
 from benchmarks.execution import Clock
-from packenv.physics_planning import CAREFUL
+from packenv.execution.physics_planner import CAREFUL
 from tests.sim.bodies import BOX, brick, by_robot
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from experiments.runs import finish, order_options
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.search.heuristics import HEURISTICS
 
 
 @pytest.mark.parametrize("name", ["HM", "nothing", ""])

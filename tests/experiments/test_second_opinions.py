@@ -8,8 +8,8 @@ import pytest
 
 from experiments import early_rest
 from packenv import api
-from packenv.io.catalogues import Catalogue
-from packenv.io.shelves import ItemShelf
+from packenv.items.catalogue import Catalogue
+from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.sim.placing import MotionConfig
 from packenv.sim.session import ExecutionConfig

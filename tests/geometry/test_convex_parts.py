@@ -25,7 +25,7 @@ from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.part_hulls import fewer_vertices, hull_of, surface_points
 from packenv.geometry.topology import compact
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.types import FloatArray, Item
 from tests.shapes import as_item, ball, box, cup, cylinder
 

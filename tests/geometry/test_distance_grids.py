@@ -10,7 +10,7 @@ import trimesh
 
 from packenv.geometry.collision import winding_number
 from packenv.geometry.distance_grids import BAND, REACH, SAMPLE_SPACING, SurfaceField
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.types import FloatArray, IntArray, Item
 from tests.shapes import ball, box, cup, cylinder
 

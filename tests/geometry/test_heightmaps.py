@@ -15,7 +15,7 @@ from packenv.config import HEIGHT_QUANTUM
 from packenv.geometry.heightmaps import edges_of, orient_item
 from packenv.geometry.raster_kernels import rasterize, rasterize_by_clipping
 from packenv.geometry.transforms import yaw_rotation
-from packenv.io.catalogues import open_catalogue
+from packenv.items.catalogue import open_catalogue
 from packenv.types import Item
 from tests.shapes import as_item, ball, box, cup, cylinder
 

@@ -17,8 +17,8 @@ from packenv.errors import CatalogueError, InputError, MeshError, OrderError, Un
 from packenv.geometry.mass import signed_volume
 from packenv.geometry.meshes import load_mesh
 from packenv.geometry.topology import is_solid
-from packenv.io.catalogues import open_catalogue
 from packenv.io.orders import read_order
+from packenv.items.catalogue import open_catalogue
 from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_obj, write_ply
 
 SUFFIXES = ("stl", "obj", "ply", "off", "glb", "3mf")

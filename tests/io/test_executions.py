@@ -11,19 +11,19 @@ from PIL import Image
 
 from packenv.errors import InputError
 from packenv.geometry.transforms import quaternion_to_rotation
-from packenv.io.animation import SIZE, Artist, write_gif
-from packenv.io.colours import item_colour
-from packenv.io.execution_scene import executed_scene
 from packenv.io.executions import execution_to_json, mean_lengths, write_execution
-from packenv.io.robot_meshes import robot_meshes
-from packenv.io.viewer import page_text
 from packenv.robot.shapes import PRIMITIVES
 from packenv.sim.camera import Frame
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, ExecutionConfig, ItemOutcome
 from packenv.types import Container, Item, Placement, Plan
+from packenv.view.animation import SIZE, Artist, write_gif
+from packenv.view.colours import item_colour
+from packenv.view.execution_scene import executed_scene
+from packenv.view.page import page_text
+from packenv.view.robot_meshes import robot_meshes
 from tests import shapes
-from tests.io.test_viewer import decode, near_colour, visit
+from tests.view.test_page import decode, near_colour, visit
 
 CRATE, CUP = shapes.box(0.1, 0.08, 0.06, "crate"), shapes.cup(0.04, 0.08)
 ITEMS: dict[str, Item] = {"crate": CRATE, "cup": CUP}

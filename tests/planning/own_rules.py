@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from packenv.planning.candidates import Candidates
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.measured import Resting
+from packenv.planning.search.candidates import Candidates
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting
 from packenv.types import Container, FloatArray, Item, OrientedItem
 
 

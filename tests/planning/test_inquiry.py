@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from packenv.config import GridConfig
-from packenv.planning.candidates import Candidates, grid_search
 from packenv.planning.constraints import Constraint, Details, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.inquiry import Inquiry, Memory, objection, place
-from packenv.planning.measured import Resting
-from packenv.planning.packer import Planner
 from packenv.planning.packing import Pile
-from packenv.planning.scores import HEURISTICS
+from packenv.planning.planner import Planner
+from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
+from packenv.planning.search.measured import Resting
 from packenv.planning.sequence import Piece
-from packenv.planning.turns import Strategy, Tier, still_open
+from packenv.planning.tiers import Strategy, Tier, still_open
 from packenv.types import Container, Leftover, OrientedItem, Placement, RobotPath
 from tests.shapes import box
 from tests.shelf_samples import shelf_of

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from benchmarks.reference import ray_cast_maps
-from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.geometry.transforms import yaw_rotation
-from packenv.io.catalogues import open_catalogue
-from packenv.planning.container_map import ContainerMap
-from packenv.planning.packer import Planner
-from packenv.planning.scores import HEURISTICS
+from packenv.items.catalogue import open_catalogue
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import HEURISTICS
 from packenv.types import Container, Item, OrientedItem, Placement, Plan
+from packenv.verification.exact_meshes import audit_plan
 
 GRID = GridConfig()
 BOX = Container(0.32, 0.32, 0.30)

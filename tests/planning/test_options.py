@@ -15,7 +15,6 @@ from hypothesis import given, strategies as st
 
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.planning import scores
 from packenv.planning.assembly import assemble, clearances, heuristic_of
 from packenv.planning.options import (
     OWN,
@@ -27,9 +26,10 @@ from packenv.planning.options import (
     option_names,
     rules,
 )
-from packenv.planning.packer import MAX_CHECKED
-from packenv.planning.paper_contacts import paper_contacts
-from packenv.planning.stability import StabilityChecker
+from packenv.planning.planner import MAX_CHECKED
+from packenv.planning.search import heuristics as scores
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.paper_contacts import paper_contacts
 from packenv.types import Container
 from tests.planning import own_rules
 from tests.planning.own_rules import Low

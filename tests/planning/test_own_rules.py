@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from packenv.audit import audit_plan
 from packenv.config import GridConfig
 from packenv.errors import InputError
-from packenv.physics_planning import make_planner
+from packenv.execution.physics_planner import make_planner
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint, Trial, Verdict
-from packenv.planning.container_map import ContainerMap
 from packenv.planning.options import Constraints, PlanOptions, StabilityRule
 from packenv.planning.own_rules import OwnHeuristic
-from packenv.planning.packer import Planner
 from packenv.planning.packing import Packing
-from packenv.planning.scores import DeepestBottomLeft
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import DeepestBottomLeft
 from packenv.types import Container, Plan
+from packenv.verification.exact_meshes import audit_plan
 from tests.planning import own_rules
 from tests.planning.own_rules import Always, Apart, Low, Never
 from tests.shelf_samples import FOUR_BOXES, shelf_of

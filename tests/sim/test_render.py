@@ -10,12 +10,12 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from packenv.errors import InputError
-from packenv.io.colours import item_colour
 from packenv.robot.cell import Cell
 from packenv.sim.backdrop import Standing, View, backdrop
 from packenv.sim.render import Placed, Renderer, _home
 from packenv.sim.view_meshes import view_mesh
 from packenv.types import Container, FloatArray, Item
+from packenv.view.colours import item_colour
 from tests.conftest import NO_PHYSICS
 from tests.shapes import ball, box, cup, cylinder
 

@@ -20,7 +20,7 @@ from sb3_contrib import MaskablePPO  # noqa: E402
 
 from packenv.agents import make  # noqa: E402
 from packenv.agents.policy_files import read_policy  # noqa: E402
-from packenv.env import PackEnv  # noqa: E402
+from packenv.env.pack_env import PackEnv  # noqa: E402
 from packenv.train.__main__ import main  # noqa: E402
 from packenv.train.config import TrainConfig  # noqa: E402
 from packenv.train.environments import training_environments  # noqa: E402

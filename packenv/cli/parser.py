@@ -1,0 +1,263 @@
+"""The words of the command line: every command's arguments."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, NoReturn
+
+from packenv.planning.options import PRESETS, PlanOptions, rules
+from packenv.version import __version__
+
+UNIT_NAMES = ("m", "cm", "mm", "in")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake in one line; argparse would print the whole usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with exit code 2."""
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def command_line() -> argparse.ArgumentParser:
+    """The parser of the whole command line; what it parses names the ``module`` of its command."""
+    parser = _Parser(
+        prog="robotpack",
+        description="Pack real, non-convex items into a box, check the plan and look at it.",
+        epilog="Exit codes: 0 done, 1 something could not be packed or a check failed, 2 bad input.",
+    )
+    parser.add_argument("--version", action="version", version=f"robotpack {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_pack(commands)
+    _add_verify(commands)
+    _add_view(commands)
+    _add_execute(commands)
+    _add_items(commands)
+    return parser
+
+
+def _seed(text: str) -> int:
+    """A seed as NumPy takes it."""
+    value = int(text)
+    if not 0 <= value < 2**64:
+        raise argparse.ArgumentTypeError(f"{value} is not between 0 and 2^64 - 1")
+    return value
+
+
+def _seconds(text: str) -> float:
+    """A time of more than 0 and at most 600 s."""
+    value = float(text)
+    if not 0.0 < value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{text} is not more than 0 and at most 600 seconds")
+    return value
+
+
+def _count(text: str) -> int:
+    """A whole number of at least 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
+    return value
+
+
+def number(text: str) -> float | str:
+    """A number, or the word ``none``."""
+    return "none" if text.lower() == "none" else float(text)
+
+
+def planning_options(parser: argparse.ArgumentParser, without: Collection[str] = ()) -> None:
+    """Add a flag for every option of planning; what is not given is None.
+
+    Experiments and benchmarks take the same words, see :func:`packenv.cli.pack.options_from`.
+
+    Args:
+        parser: to add them to.
+        without: options that it has a flag of its own for.
+    """
+    parser.add_argument(
+        "--preset",
+        choices=tuple(PRESETS),
+        default="default",
+        help="all options by one word: what measured best, or as the paper has them; single options take "
+        "precedence "
+        "(default: %(default)s)",
+    )
+    preset = PlanOptions()
+    for name, rule in rules().items():
+        if name in without:
+            continue
+        default = getattr(preset, name)
+        shown = f" (default: {default})" if default is not None else ""
+        flag = f"--{name.replace('_', '-')}"
+        text = rule.meaning + shown
+        if name == "heuristic":
+            words = f"{{{','.join(rule.words)}}}|MODULE:NAME"
+            text = (
+                "how candidates are ranked; your own as my_module:my_rule, looked for in this folder, too"
+                + shown
+            )
+            parser.add_argument(flag, metavar=words, help=text)
+        elif name == "seed":
+            parser.add_argument(flag, type=_seed, metavar="N", help=text)
+        elif rule.words:
+            parser.add_argument(flag, choices=rule.words, help=text)
+        elif rule.whole:
+            parser.add_argument(flag, type=_count, metavar="N", help=text)
+        elif rule.optional:
+            parser.add_argument(flag, type=number, metavar="X|none", help=text)
+        else:
+            metavar = "METRES" if name == "clearance" else "X"
+            parser.add_argument(flag, type=float, metavar=metavar, help=text)
+    own_constraint_option(parser)
+
+
+def own_constraint_option(parser: argparse.ArgumentParser) -> None:
+    """Add the flag for constraints of the user's own."""
+    parser.add_argument(
+        "--constraint",
+        dest="own_constraints",
+        action="append",
+        metavar="MODULE:NAME",
+        help="a further constraint of your own, as my_module:MyRule; more than one may be given",
+    )
+
+
+def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
+    parser.add_argument(
+        "--catalogue",
+        metavar="DIR",
+        default=default,
+        help="folder of meshes, with objects.csv or bare (default: %(default)s)"
+        if default
+        else "read the meshes from this folder, not from the one that the plan names",
+    )
+    parser.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
+
+
+def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
+    pack = commands.add_parser(
+        "pack",
+        help="plan the packing of an order",
+        description="Plan where and in which sequence every item of an order goes.",
+    )
+    pack.set_defaults(module="pack")
+    pack.add_argument("order", metavar="ORDER", type=Path, help="order file: CSV (item,qty) or JSON")
+    _catalogue_options(pack, "builtin")
+    pack.add_argument(
+        "--container",
+        default="auto",
+        metavar="SIZE|ID|auto",
+        help="inner size in metres (0.32x0.32x0.30), a box id, or auto: the smallest box that takes all "
+        "(default: %(default)s)",
+    )
+    pack.add_argument(
+        "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
+    )
+    planning_options(pack)
+    pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")
+    pack.add_argument(
+        "--html", type=Path, metavar="PAGE", help="write a page to look at the plan in a browser"
+    )
+    pack.add_argument("--png", type=Path, metavar="PICTURE", help="write a picture of the packed box")
+    pack.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_verify(commands: argparse._SubParsersAction[Any]) -> None:
+    verify = commands.add_parser(
+        "verify",
+        help="audit a plan from the meshes",
+        description="Recompute from the exact meshes, independently of the planner, whether items overlap, "
+        "stick out of the container, or could not be put in from above in the plan's sequence; for a plan on "
+        "convex parts, from these as well.",
+    )
+    verify.set_defaults(module="verify")
+    verify.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    _catalogue_options(verify, None)
+    verify.add_argument("--json", action="store_true", help="print the report as JSON")
+
+
+def _add_view(commands: argparse._SubParsersAction[Any]) -> None:
+    view = commands.add_parser("view", help="write a page, picture, animation or 3D file of a plan")
+    view.set_defaults(module="view")
+    view.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    view.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="page (.html), picture (.png), animation (.gif) or 3D file (.glb) to write",
+    )
+    _catalogue_options(view, None)
+
+
+def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
+    execute = commands.add_parser(
+        "execute",
+        help="carry a plan out in physics",
+        description="Let a simulated robot carry a plan out, and measure where every item ends. Success: "
+        "nothing collides while items are placed, and at the end every item is inside the container.",
+    )
+    execute.set_defaults(module="execute")
+    execute.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    execute.add_argument(
+        "--closed-loop",
+        action="store_true",
+        help="feel contacts, measure every item's pose after each placement, and plan the rest again where "
+        "it would fail",
+    )
+    execute.add_argument(
+        "--settle",
+        type=_seconds,
+        default=20.0,
+        metavar="S",
+        help="longest time for an item to come to rest (default: %(default)g)",
+    )
+    execute.add_argument(
+        "--full-settle", action="store_true", help="wait that long after every item, at rest or not"
+    )
+    execute.add_argument(
+        "--gentle",
+        action="store_true",
+        help="lower each item until something holds it, instead of letting it drop from 1 cm above its place",
+    )
+    execute.add_argument(
+        "--feel",
+        action="store_true",
+        help="guarded moves: the robot lowers at half the speed, feels contacts, and tries beside them "
+        "before it gives up; part of --closed-loop",
+    )
+    execute.add_argument(
+        "--disturb",
+        action="store_true",
+        help="in a world that is not quite as planned: other friction, masses, grasps and time step",
+    )
+    execute.add_argument(
+        "--seed", type=_seed, metavar="N", help="of the disturbances, with --disturb (default: 0)"
+    )
+    execute.add_argument(
+        "--heuristic", metavar="NAME|MODULE:NAME", help="plan again, in closed loop, with this rule"
+    )
+    own_constraint_option(execute)
+    execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window")
+    execute.add_argument("--out", type=Path, metavar="FILE", help="write the result (JSON)")
+    execute.add_argument("--gif", type=Path, metavar="FILE", help="write an animation")
+    execute.add_argument(
+        "--html", type=Path, metavar="PAGE", help="write a page with measured and planned poses"
+    )
+    _catalogue_options(execute, None)
+    execute.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_items(commands: argparse._SubParsersAction[Any]) -> None:
+    items = commands.add_parser("items", help="check or prepare the items of a catalogue")
+    items.set_defaults(module="items")
+    actions = items.add_subparsers(metavar="ACTION", dest="action", required=True)
+    check = actions.add_parser("check", help="list every mesh and what is wrong with it")
+    prepare = actions.add_parser("prepare", help="compute stable poses and heightmaps into the cache")
+    for action in (check, prepare):
+        action.add_argument("catalogue", metavar="DIR", help="folder of meshes, or builtin")
+        action.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
+        action.add_argument("--json", action="store_true", help="print the result as JSON")

@@ -1,0 +1,70 @@
+"""``robotpack verify``: audit a plan from the exact meshes."""
+
+from __future__ import annotations
+
+import argparse
+
+from packenv import api
+from packenv.cli.output import say, say_json
+from packenv.items.plan_items import open_plan, options_of
+from packenv.verification.exact_meshes import AuditReport
+from packenv.verification.report import Verification
+
+_FINDINGS = ("overlaps", "protrusions", "blocked")
+_WITH_PARTS = "with convex parts: "
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Audit a plan; returns the exit code."""
+    plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    found = api.verify(plan, shelf)
+    if arguments.json:
+        say_json(found.to_json())
+    else:
+        _report(found, options_of(plan).constraints)
+    return 0 if found.ok else 1
+
+
+def _report(found: Verification, constraints: str) -> None:
+    _report_findings(found.audit)
+    if found.envelopes is not None:
+        _report_findings(found.envelopes, _WITH_PARTS)
+    for m in found.audit.miscounted:
+        say(f"miscounted: {m.item}: {m.ordered} ordered, {m.in_plan} in the plan")
+    for step in found.misstated:
+        say(f"misstated: step {step}: corner and extents are not those of the item at its pose")
+    counted = _counted(found.audit, (*_FINDINGS, "miscounted"))
+    say(f"{found.audit.pairs_checked} pairs checked: {counted}, {len(found.misstated)} misstated")
+    if found.envelopes is not None:
+        say(f"{_WITH_PARTS}{_counted(found.envelopes, _FINDINGS)}")
+    if constraints != "overlap":
+        _report_recheck(found, constraints)
+    for name in found.unchecked:
+        say(f"not checked: own constraint {name}")
+    verdict = "ok" if found.ok else "failed"
+    say(f"{verdict}: {found.placed} items placed, {found.left_over} left over")
+
+
+def _report_recheck(found: Verification, constraints: str) -> None:
+    again = found.recheck
+    for step in again.unstable_steps:
+        say(f"unstable: the pile does not stand at step {step}")
+    for step in again.unreachable_steps:
+        say(f"unreachable: the robot cannot place step {step}")
+    reach = f", {len(again.unreachable_steps)} unreachable" if constraints == "robot" else ""
+    say(f"every step checked again: {len(again.unstable_steps)} unstable{reach}")
+
+
+def _report_findings(report: AuditReport, how: str = "") -> None:
+    for o in report.overlaps:
+        pair = f"step {o.step_b} ({o.item_b}) is {o.depth * 1e3:.3f} mm inside step {o.step_a} ({o.item_a})"
+        say(f"{how}overlap: {pair}")
+    for p in report.protrusions:
+        where = f"{p.depth * 1e3:.3f} mm outside at {p.axis} {p.side}"
+        say(f"{how}protrusion: step {p.step} ({p.item}) is {where}")
+    for b in report.blocked:
+        say(f"{how}blocked: step {b.step} ({b.item}) cannot be lowered past step {b.by_step} ({b.by_item})")
+
+
+def _counted(report: AuditReport, kinds: tuple[str, ...]) -> str:
+    return ", ".join(f"{len(getattr(report, kind))} {kind}" for kind in kinds)

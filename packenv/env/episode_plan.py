@@ -1,0 +1,25 @@
+"""An episode as a plan that can be written, viewed, verified and executed."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from packenv.env.episode import Episode
+from packenv.items.plan_maker import make_plan
+from packenv.planning.packing import Packing
+from packenv.types import OrderLine, Plan
+
+
+def episode_plan(episode: Episode) -> Plan:
+    """The placements of an episode so far, as planned; pieces that are still to come are in no list of it.
+
+    Scores are those of the first heuristic column, numbers of candidates and rejections what the environment
+    asked, whatever the agent looked at. Its settings are those of a planner that asks the same of placements.
+    """
+    shelf = episode.shelf
+    lines = tuple(OrderLine(name, qty) for name, qty in Counter(episode.names).items())
+    volume = sum(shelf.items[p.item].volume for p in episode.placements)
+    share = volume / episode.container.volume
+    packing = Packing(episode.container, tuple(episode.placements), episode.leftovers(), (), share)
+    options, unit = episode.rules.options, episode.config.unit
+    return make_plan(packing, lines, shelf, options, unit=unit, made_by="agent")

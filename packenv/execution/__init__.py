@@ -1,0 +1,4 @@
+"""Plans and physics together: planning with physics' answers, rehearsing a plan, carrying it out, closed loop.
+
+May import items, planning, robot and sim; knows nothing of pictures, of commands or of the environment.
+"""

@@ -1,0 +1,148 @@
+"""Items and options together: the planners that they make for a container, and what these pack."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from packenv.items.shelf import ItemShelf
+from packenv.planning.assembly import assemble
+from packenv.planning.options import PlanOptions
+from packenv.planning.packing import Packing
+from packenv.planning.planner import Planner, by_box_volume
+from packenv.planning.search.measured import Resting, measured_map
+from packenv.types import Container, Pose
+from packenv.watcher import SILENT, Watcher
+
+if TYPE_CHECKING:
+    from packenv.execution.rehearsal import Rehearsed
+    from packenv.sim.world import WorldConfig
+
+
+def require_engine(options: PlanOptions) -> None:
+    """Say before long work begins where physics is asked and there is no engine.
+
+    Raises:
+        PhysicsError: so it is.
+    """
+    if options.asks_physics:
+        import packenv.sim  # noqa: F401
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningJob:
+    """Items and options, and the planners that they make for a container.
+
+    Attributes:
+        shelf: the items.
+        options: how to plan.
+        margins: tell the margin of every placed item.
+        world: physics of drops; the usual one where None.
+        watcher: is told of progress.
+    """
+
+    shelf: ItemShelf
+    options: PlanOptions
+    margins: bool = True
+    world: WorldConfig | None = None
+    watcher: Watcher = SILENT
+
+    def load(self, names: Collection[str]) -> None:
+        """Load all that planning will ask for; say what was repaired.
+
+        Raises:
+            PhysicsError: physics is asked, and there is no engine.
+            InputError: a mesh cannot be used.
+        """
+        options = self.options
+        require_engine(options)
+        self.shelf.load(
+            names,
+            fields=options.constraints != "overlap",
+            physics=options.asks_physics,
+            progress=self.watcher.progress,
+        )
+        for name in dict.fromkeys(names):
+            item = self.shelf.items[name]
+            if item.repairs:
+                self.watcher.remark(f"{item.file}: repaired: {'; '.join(item.repairs)}")
+
+    def sequence(self, names: Sequence[str]) -> list[str]:
+        """The names in the sequence in which they are packed."""
+        given = self.options.sequence == "given"
+        return list(names) if given else by_box_volume(names, self.shelf.prepared)
+
+    def planner(self, box: Container, *, give_up: bool = False) -> Planner:
+        """The planner for a container."""
+        if self.options.stability != "physics":
+            return assemble(self.options, self.shelf, box, margins=self.margins, give_up=give_up)
+        from packenv.execution.physics_planner import make_planner
+
+        return make_planner(
+            self.options,
+            self.shelf,
+            box,
+            self.shelf.physics,
+            self.world,
+            margins=self.margins,
+            give_up=give_up,
+        )
+
+    def spares(self, box: Container) -> tuple[Planner, ...]:
+        """Planners to ask where the plan of the chosen one fails in rehearsal."""
+        from packenv.execution.physics_planner import make_spares
+
+        return make_spares(self.options, self.shelf, box, margins=self.margins)
+
+    def pack(self, box: Container, sequence: Sequence[str], *, give_up: bool = False) -> Packing:
+        """Pack items, in sequence, into an empty container."""
+        with self.planner(box, give_up=give_up) as planner:
+            return planner.pack(sequence, self.shelf.prepared, box)
+
+    def pack_smallest(
+        self, boxes: Sequence[Container], sequence: Sequence[str]
+    ) -> tuple[Packing, PlanOptions]:
+        """The packing in the smallest container that takes all, else in the largest; and how it was planned.
+
+        All but the last container are given up as soon as they are known not to do. What does without a margin
+        in a small box goes before a margin in a larger one.
+        """
+        brisk = replace(self.options, restarts=0)
+        rules = [brisk, replace(brisk, stability="paper")] if brisk.stability == "cautious" else [brisk]
+        for box, rule in itertools.product(boxes[:-1], rules):
+            packing = replace(self, options=rule).pack(box, sequence, give_up=True)
+            if packing.complete:
+                return packing, replace(self.options, stability=rule.stability)
+        return self.pack(boxes[-1], sequence), self.options
+
+    def rehearse(
+        self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()
+    ) -> Rehearsed:
+        """What is left of plans that were carried out in simulated worlds."""
+        from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
+        from packenv.io.assets import robot_urdf
+        from packenv.sim.drop_test import Lying
+
+        physics = self.shelf.physics
+        lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
+        rehearsal = Rehearsal(box, physics, robot_urdf(), self.options.rehearse, lying=lying)
+        start = (measured_map(box, self.shelf.grid.cell_size, resting), resting) if resting else None
+        prepared = self.shelf.prepared
+        with self.planner(box) as planner:
+            return pack_rehearsed(
+                planner, sequence, prepared, rehearsal, first=first, start=start, spares=self.spares(box)
+            )
+
+    def pack_onto(
+        self, box: Container, sequence: Sequence[str], resting: Sequence[Resting]
+    ) -> tuple[Packing, Mapping[str, float], str]:
+        """Pack items onto what lies in a container; the packing, further metrics, and how it was made."""
+        if self.options.rehearse:
+            found = self.rehearse(box, sequence, None, resting)
+            return found.packing, found.metrics, found.how
+        surface = measured_map(box, self.shelf.grid.cell_size, resting)
+        with self.planner(box) as planner:
+            pile = planner.pile(surface, resting)
+            return planner.pack(sequence, self.shelf.prepared, box, pile), {}, "planner"

@@ -1,0 +1,240 @@
+"""Catalogues: a folder of item meshes with ``objects.csv``, or of bare meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from packenv.errors import CatalogueError, closest_item
+from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
+from packenv.geometry.meshes import UNITS, check_unit, make_item
+from packenv.io.assets import BUILTIN, MEMORY, assets_dir
+from packenv.io.tables import Row, read_table, read_text
+from packenv.items.mesh_cache import kept_mesh
+from packenv.types import Item
+
+TABLE = "objects.csv"
+"""Name of a catalogue's table."""
+
+PARTS = ".parts.obj"
+"""``<stem>.parts.obj`` beside a mesh ``<stem>.<format>`` holds the convex parts that the mesh is made of."""
+
+
+@dataclass(frozen=True)
+class CatalogueEntry:
+    """One item of a catalogue before its mesh is loaded.
+
+    Attributes:
+        file: the mesh file, relative to the folder, with ``/``.
+        mass: kg, or None where the table has none.
+        unit: unit of the mesh, or None.
+        parts_file: file of the convex parts that the mesh is made of, relative to the folder and in the
+            mesh's unit, or None.
+    """
+
+    file: str
+    mass: float | None = None
+    unit: str | None = None
+    parts_file: str | None = None
+
+
+class Catalogue:
+    """The items of a folder by name; a mesh is loaded when its item is first asked for."""
+
+    def __init__(self, label: str, folder: Path, entries: dict[str, CatalogueEntry]) -> None:
+        """Make a catalogue; users call :func:`open_catalogue`.
+
+        Args:
+            label: ``builtin``, or the folder as the user gave it.
+            folder: where the files are.
+            entries: by item name.
+        """
+        self.label = label
+        self.folder = folder
+        self.entries = entries
+        self.shelves: dict[object, object] = {}
+        self._items: dict[str, Item] = {}
+
+    @classmethod
+    def of_items(cls, items: Mapping[str, Item]) -> Catalogue:
+        """A catalogue of items that are in no folder."""
+        made = cls(
+            MEMORY, Path(), {name: CatalogueEntry(item.file, item.mass) for name, item in items.items()}
+        )
+        made._items.update(items)
+        return made
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all items, in the table's sequence."""
+        return tuple(self.entries)
+
+    def item(self, name: str) -> Item:
+        """Load an item, or hand out the one that was loaded before.
+
+        Raises:
+            CatalogueError: the catalogue has no such item.
+            MeshError: its mesh cannot be used.
+        """
+        if name not in self._items:
+            entry = self._entry(name)
+            mesh = kept_mesh(self.folder / entry.file, entry.unit)
+            self._items[name] = make_item(name, mesh, file=entry.file, mass=entry.mass)
+        return self._items[name]
+
+    def parts_file(self, name: str) -> Path | None:
+        """File of the convex parts that an item is made of: the table's, else one beside the mesh, else None.
+
+        Raises:
+            CatalogueError: the catalogue has no such item.
+        """
+        parts = self._entry(name).parts_file
+        return self.folder / parts if parts else None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def _entry(self, name: str) -> CatalogueEntry:
+        if name not in self.entries:
+            raise CatalogueError(
+                f"catalogue {self.label} has no item {name!r}{closest_item(name, self.entries)}"
+            )
+        return self.entries[name]
+
+
+def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Catalogue:
+    """Open a catalogue: its table is read and checked now, its meshes later.
+
+    ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
+    ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit`` and
+    ``parts_file``; further columns are left alone. In a folder without one, every mesh file is an
+    item of its stem's name. In both, ``<stem>.parts.obj`` beside a mesh is taken for its ``parts_file``.
+
+    Args:
+        folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
+        unit: unit of every mesh whose row names none: ``m``, ``cm``, ``mm`` or ``in``.
+
+    Returns:
+        The catalogue.
+
+    Raises:
+        CatalogueError: no such folder, no meshes in it, or something wrong in its table.
+        UnitError: an unknown unit.
+    """
+    check_unit(unit)
+    label = BUILTIN if folder is None else str(folder)
+    if label == MEMORY:
+        raise CatalogueError(
+            f"{label}: its meshes were in a script's memory, in no folder; give their folder"
+        )
+    path = assets_dir() / "catalogue" if label == BUILTIN else Path(label)
+    if "://" in label:
+        raise CatalogueError(f"{label}: is a URL; download the catalogue and give its folder")
+    if not path.exists():
+        raise CatalogueError(f"{label}: no such folder, give a folder of meshes or {BUILTIN!r}")
+    if not path.is_dir():
+        what = "an archive; unpack it and" if path.suffix.lower() in ARCHIVES else "a file;"
+        raise CatalogueError(f"{label}: is {what} give the folder that holds the meshes")
+    table = path / TABLE
+    try:
+        entries = _table_entries(table, unit) if table.exists() else _bare_entries(path, unit)
+    except OSError as problem:
+        raise CatalogueError(f"{label}: cannot be read ({problem.strerror})") from None
+    return Catalogue(label, path, entries)
+
+
+def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
+    rows = read_table(
+        table, read_text(table, CatalogueError, "a table of items"), ("name", "file"), CatalogueError
+    )
+    entries: dict[str, CatalogueEntry] = {}
+    lines: dict[str, str] = {}
+    for row in rows:
+        name = row.text("name")
+        if not name.isprintable() or len(name) > 200:
+            raise CatalogueError(f"{row.where}: name {name[:40]!r} must be printable, at most 200 characters")
+        entry = CatalogueEntry(
+            _file(row, "file"), _mass(row), _unit(row) or unit, _parts_file(row, table.parent)
+        )
+        if name in entries:
+            raise CatalogueError(
+                f"{row.where}: item {name!r} is there twice, with {entries[name].file} ({lines[name]}) "
+                f"and {entry.file}; give each item a name of its own"
+            )
+        entries[name] = entry
+        lines[name] = row.where.rpartition(", ")[2]
+    if not entries:
+        raise CatalogueError(f"{table}: lists no items, add a row for each")
+    return entries
+
+
+def _file(row: Row, column: str) -> str:
+    """A path inside the folder: the table may come from anywhere, so it may not reach out."""
+    text = row.text(column)
+    where = f"{row.where}: {column} {text!r}"
+    if "://" in text:
+        raise CatalogueError(f"{where} is a URL; put the file into the catalogue folder")
+    if PurePosixPath(text).is_absolute() or PureWindowsPath(text).drive or "\\" in text:
+        raise CatalogueError(f"{where} must be a path inside the catalogue folder, with '/'")
+    if ".." in PurePosixPath(text).parts or not text.isprintable():
+        raise CatalogueError(f"{where} leaves the catalogue folder; name a file inside it")
+    suffix = PurePosixPath(text).suffix.lower()
+    if suffix in ARCHIVES:
+        raise CatalogueError(f"{where} is an archive; unpack it and name the mesh file")
+    if suffix not in EXTENSIONS:
+        kinds = ", ".join(e[1:] for e in EXTENSIONS)
+        raise CatalogueError(f"{where} is no mesh file; its name must end in one of {kinds}")
+    return str(PurePosixPath(text))
+
+
+def _mass(row: Row) -> float | None:
+    for column in row.cells:
+        if column.lower().startswith(("mass", "weight")) and column != "mass_kg":
+            raise CatalogueError(
+                f"{row.where}: column {column!r} is not read; give masses in kg as 'mass_kg'"
+            )
+    return row.positive("mass_kg", "kilograms") if row.cells.get("mass_kg") else None
+
+
+def _unit(row: Row) -> str | None:
+    unit = row.cells.get("unit") or None
+    if unit is not None and unit not in UNITS:
+        raise CatalogueError(f"{row.where}: unit {unit!r} is not known, give one of {', '.join(UNITS)}")
+    return unit
+
+
+def _parts_file(row: Row, folder: Path) -> str | None:
+    if row.cells.get("parts_file"):
+        return _file(row, "parts_file")
+    return _parts_beside(folder, _file(row, "file"))
+
+
+def _parts_beside(folder: Path, mesh: str) -> str | None:
+    parts = str(PurePosixPath(mesh).with_suffix(PARTS))
+    return parts if (folder / parts).is_file() else None
+
+
+def _bare_entries(folder: Path, unit: str | None) -> dict[str, CatalogueEntry]:
+    entries: dict[str, CatalogueEntry] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in EXTENSIONS or path.name.startswith(".") or not path.is_file():
+            continue
+        if path.name.endswith(PARTS):
+            continue
+        if path.stem in entries:
+            raise CatalogueError(
+                f"{folder}: {entries[path.stem].file} and {path.name} are both named {path.stem!r}; "
+                "rename one, or add an objects.csv"
+            )
+        entries[path.stem] = CatalogueEntry(path.name, unit=unit, parts_file=_parts_beside(folder, path.name))
+    if not entries:
+        kinds = ", ".join(e[1:] for e in EXTENSIONS)
+        raise CatalogueError(f"{folder}: holds neither {TABLE} nor a mesh file ({kinds})")
+    return entries

@@ -1,0 +1,237 @@
+"""Manipulation feasibility of a candidate (paper Sec. III-D, Alg. 1: ``isManipFeasible``).
+
+The cup holds the item by a grasp, in the orientation in which it will lie. The path leads straight down from
+where the item's lowest point is ``RIM_CLEARANCE`` above the rim to the *release*, 1 cm above the placement
+(Sec. V), where the cup lets go. Joints are also found for the placement itself.
+
+What is asked, cheapest first, and why the answer holds along the whole path:
+
+1. *Held item*: its footprint is inside the container and it lies nowhere below max(H_c - H_b). Both
+   maps are conservative, so at that height it meets no placed item, and higher up even less: a vertical move
+   changes neither footprint nor maps. Above the rim there is nothing at all.
+2. *Gripper*: a tube of the cup's radius. Below the rim it must be off the walls, and no container cell that
+   it touches, seen from above, may be higher than the lip at the release. All that is under the disc is
+   then below the lip, there and at every waypoint above. The held item itself is below the lip by the
+   grasp's definition (:class:`packenv.planning.manipulation.grasps.Grasp`).
+3. *Arm*: one inverse-kinematics branch follows all waypoints within the joint limits
+   (:func:`packenv.robot.tx90.continuous_branches`).
+4. *Links*: on that branch links 2 to 6 stay above the rim, so they meet neither walls nor placed items, the
+   arm keeps off itself (:meth:`packenv.robot.cell.Cell.arm_clear`), and no link meets the held item's
+   bounding box.
+
+Only 3 and 4 are sampled, at the waypoints. 4 is sufficient, not necessary: a link beside the container but
+below its rim is refused, and so is a link inside the held item's box but off its surface. No mesh is asked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from packenv.planning.manipulation import cup_kernels
+from packenv.planning.manipulation.grasps import Grasp
+from packenv.planning.search.container_map import ContainerMap
+from packenv.robot import gripper
+from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, WAYPOINT_STEP, Cell
+from packenv.robot.shapes import link_capsules
+from packenv.robot.tx90 import continuous_branches, limit_margin
+from packenv.types import FloatArray, OrientedItem
+
+Reason: TypeAlias = Literal[
+    "no-grasp",
+    "held-item-blocked",
+    "gripper-hits-wall",
+    "gripper-hits-item",
+    "unreachable",
+    "joint-limits",
+    "link-collision",
+]
+
+REASONS: Final[tuple[Reason, ...]] = (
+    "no-grasp",
+    "held-item-blocked",
+    "gripper-hits-wall",
+    "gripper-hits-item",
+    "unreachable",
+    "joint-limits",
+    "link-collision",
+)
+"""Why a candidate is not feasible, in the sequence of the tests."""
+
+TOLERANCE: Final = cup_kernels.TOUCH_TOLERANCE
+"""Less than this is rounding of a pose, m."""
+
+_BALLS = 12
+"""Balls that cover one link's capsule in the test against the held item."""
+
+
+@dataclass(frozen=True, eq=False)
+class ManipulationResult:
+    """Whether and how the robot can bring an item to a candidate.
+
+    Attributes:
+        reason: None where it can, else how far the grasp that came farthest came: one of ``REASONS``.
+        grasp: the one that is used; None where it cannot.
+        joints: (m, 6) rad, one continuous branch over the waypoints; None where it cannot.
+        lip_heights: (m,) height of the cup's lip at each waypoint, container frame, m, from the top down. The
+            last but one is the release, the last the placement; None where it cannot.
+        grasps_tried: number of grasps that were looked at.
+    """
+
+    reason: Reason | None
+    grasp: Grasp | None
+    joints: FloatArray | None
+    lip_heights: FloatArray | None
+    grasps_tried: int
+
+    @property
+    def feasible(self) -> bool:
+        """True where the robot can."""
+        return self.reason is None
+
+
+class ManipulationChecker:
+    """Checks candidates for one robot cell."""
+
+    def __init__(
+        self, cell: Cell, *, release: float = RELEASE_HEIGHT, spacing: float = WAYPOINT_STEP
+    ) -> None:
+        """Keep the settings.
+
+        Args:
+            cell: where the container stands.
+            release: how far above the placement the cup lets go, m, 0 to ``RIM_CLEARANCE``.
+            spacing: largest distance of two waypoints, m, above 0.
+
+        Raises:
+            ValueError: a setting is outside its range.
+        """
+        if not (0.0 <= release <= RIM_CLEARANCE and spacing > 0.0):
+            raise ValueError(
+                f"release is {release:g} and spacing {spacing:g}, "
+                f"give release within 0 to {RIM_CLEARANCE:g} and spacing > 0"
+            )
+        self.cell = cell
+        self.release = release
+        self.spacing = spacing
+        # The flange where the lip is at the base frame's origin: every waypoint is this, moved.
+        self._flange = gripper.tool_to_flange(gripper.top_down(np.zeros(3)))
+
+    def check(
+        self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap, grasps: Sequence[Grasp]
+    ) -> ManipulationResult:
+        """Find the first grasp with which the robot can bring the item to its place (Alg. 1).
+
+        Args:
+            oriented: the item at its orientation.
+            corner: (3,) smallest x, y, z of the placed item in the container frame, m; x and y whole cells.
+            surface: the container heightmap before the item is placed.
+            grasps: in the sequence in which they are tried.
+
+        Returns:
+            the answer; where it is no, the reason.
+
+        Raises:
+            ValueError: the corner is not finite or not on whole cells, the surface is not of the cell's
+                container, or the cell sizes differ.
+        """
+        corner = np.asarray(corner, dtype=np.float64)
+        ix, iy = self._cells(oriented, corner, surface)
+        if not grasps:
+            return ManipulationResult("no-grasp", None, None, None, 0)
+        if self._blocked(oriented, ix, iy, float(corner[2]), surface):
+            return ManipulationResult("held-item-blocked", None, None, None, 0)
+        farthest: Reason = "gripper-hits-wall"
+        for tried, grasp in enumerate(grasps, start=1):
+            reason = self._gripper_blocked(corner + grasp.point, surface)
+            if reason is None:
+                lips = self._lip_heights(float(corner[2]), float(grasp.point[2]))
+                found = self._joints(oriented, corner, grasp, lips)
+                if not isinstance(found, str):
+                    return ManipulationResult(None, grasp, found, lips, tried)
+                reason = found
+            farthest = max(farthest, reason, key=REASONS.index)
+        return ManipulationResult(farthest, None, None, None, len(grasps))
+
+    def _cells(self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap) -> tuple[int, int]:
+        size = surface.cell_size
+        if oriented.cell_size != size:
+            raise ValueError(f"the item's cells are {oriented.cell_size:g} m, the container's {size:g} m")
+        if surface.container.size != self.cell.container.size:
+            raise ValueError(
+                f"the surface is of {surface.container.label}, the robot cell of {self.cell.container.label}"
+            )
+        x, y = float(corner[0]), float(corner[1])
+        if not math.isfinite(x + y + float(corner[2])):
+            raise ValueError(f"corner is {corner.tolist()}, give finite metres")
+        ix, iy = round(x / size), round(y / size)
+        if max(abs(x - ix * size), abs(y - iy * size)) > TOLERANCE:
+            raise ValueError(f"corner ({x:g}, {y:g}) is not on whole cells of {size:g} m")
+        return ix, iy
+
+    @staticmethod
+    def _blocked(oriented: OrientedItem, ix: int, iy: int, z: float, surface: ContainerMap) -> bool:
+        """Whether the held item meets walls, floor, rim or placed items at its place or above it."""
+        (w, h), (nx, ny) = oriented.bottom.shape, surface.heights.shape
+        if ix < 0 or iy < 0 or ix + w > nx or iy + h > ny:
+            return True
+        if z + float(oriented.extents[2]) > surface.container.height + TOLERANCE:
+            return True
+        return bool(z < cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy) - TOLERANCE)
+
+    def _gripper_blocked(self, point: FloatArray, surface: ContainerMap) -> Reason | None:
+        """What the tube meets between the release and the top; ``point`` is the lip's at the placement."""
+        x, y, lip = float(point[0]), float(point[1]), float(point[2]) + self.release
+        box = surface.container
+        edge = gripper.RADIUS - TOLERANCE
+        beside = x < edge or y < edge or x > box.length - edge or y > box.width - edge
+        if beside and lip < box.height:
+            return "gripper-hits-wall"
+        highest = cup_kernels.highest_under(surface.heights, x, y, gripper.RADIUS, surface.cell_size)
+        return "gripper-hits-item" if highest > lip + TOLERANCE else None
+
+    def _lip_heights(self, z: float, lip: float) -> FloatArray:
+        """Waypoints from above the rim to the release, and the placement."""
+        top = self.cell.container.height + RIM_CLEARANCE
+        bottom = z + self.release
+        steps = max(1, math.ceil((top - bottom) / self.spacing - 1e-9))
+        heights = np.empty(steps + 2)
+        heights[:-1] = np.arange(steps, -1, -1)
+        heights[:-1] *= max(top - bottom, 0.0) / steps
+        heights[:-1] += bottom
+        heights[-1] = z
+        heights += lip
+        return heights
+
+    def _joints(
+        self, oriented: OrientedItem, corner: FloatArray, grasp: Grasp, lips: FloatArray
+    ) -> FloatArray | Reason:
+        """(m, 6) joints of the branch that is farthest from the limits, or why there is none."""
+        at = corner + grasp.point
+        path = np.empty((len(lips), 4, 4))
+        path[:] = self._flange
+        path[:, :3, 3] += self.cell.to_base(at)
+        path[:, 2, 3] += lips - at[2]
+        branches = continuous_branches(path)
+        if not len(branches):
+            return "joint-limits" if branches.beyond_limits else "unreachable"
+        # The held item's box at every waypoint.
+        low = path[:, :3, 3] - self._flange[:3, 3] - grasp.point
+        hit = np.empty(1, dtype=np.bool_)
+        for k in np.argsort(-limit_margin(branches.q).min(axis=1), kind="stable"):
+            q = branches.q[k : k + 1]
+            if not self.cell.arm_clear(q)[0]:
+                continue
+            capsules = link_capsules(q)
+            # The gripper, the last capsule, does touch the item.
+            cup_kernels.meets_box(
+                capsules.ends[:, :, :-1], capsules.radii[:-1], low, low + oriented.extents, _BALLS, hit
+            )
+            if not hit[0]:
+                joints: FloatArray = q[0]
+                return joints
+        return "link-collision"

@@ -1,0 +1,115 @@
+"""The container heightmap, and the polyphase form of it that the search reads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from packenv.planning.search import kernels
+from packenv.types import Container, Float32Array, FloatArray, OrientedItem
+
+_NOISE = 1e-9
+"""A container is this share of a cell short of a whole cell by rounding (0.3 / 0.1), not by its size."""
+
+
+def _sub_grid(cells: int, step: int) -> int:
+    """Cells of a polyphase sub-grid along one side, one margin cell at either end included."""
+    return math.ceil(cells / step) + 2
+
+
+@dataclass(frozen=True, eq=False)
+class ContainerMap:
+    """Top-down heightmap of a container and what is in it.
+
+    Attributes:
+        container: the box.
+        cell_size: m.
+        heights: (nx, ny) float32, m; only whole cells of the floor count.
+    """
+
+    container: Container
+    cell_size: float
+    heights: Float32Array
+
+    @classmethod
+    def empty(cls, container: Container, cell_size: float) -> ContainerMap:
+        """The map of an empty container."""
+        shape = tuple(math.floor(s / cell_size + _NOISE) for s in container.size[:2])
+        return cls(container, cell_size, np.zeros(shape, dtype=np.float32))
+
+    def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
+        """The map after an item is placed (paper Sec. IV-B, update rule, errata of DESIGN applied).
+
+        Args:
+            oriented: the item at its orientation.
+            ix: cell of its smallest x.
+            iy: cell of its smallest y.
+            z: height of its lowest point, m.
+        """
+        heights = self.heights.copy()
+        w, h = oriented.top.shape
+        window = heights[ix : ix + w, iy : iy + h]
+        np.maximum(window, oriented.top + np.float32(z), out=window, where=oriented.footprint)
+        return ContainerMap(self.container, self.cell_size, heights)
+
+    def spread(self, cells: int) -> ContainerMap:
+        """The map with every height spread over the square of ``cells`` cells around it, walls included.
+
+        What lies over this map lies over the true one wherever it is moved by up to so many cells.
+        """
+        if cells == 0:
+            return self
+        wall = np.float32(self.container.height)
+        padded = np.pad(self.heights, cells, constant_values=wall)
+        n = 2 * cells + 1
+        for axis in (0, 1):
+            size = padded.shape[axis] - 2 * cells
+            slices = [np.take(padded, range(k, k + size), axis=axis) for k in range(n)]
+            padded = np.maximum.reduce(slices)
+        return ContainerMap(self.container, self.cell_size, np.ascontiguousarray(padded))
+
+    @cached_property
+    def total(self) -> float:
+        """Sum of all heights, m; exact."""
+        return float(self.heights.sum(dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class PolyphaseMap:
+    """A container heightmap stored by residue class of the grid step (see :mod:`.kernels`).
+
+    Attributes:
+        source: the map.
+        step: cells between tried translations.
+    """
+
+    source: ContainerMap
+    step: int
+
+    @cached_property
+    def rows(self) -> int:
+        """Cells of a sub-grid along x, margin included."""
+        return _sub_grid(self.source.heights.shape[0], self.step)
+
+    @cached_property
+    def stride(self) -> int:
+        """Cells of a sub-grid along y, margin included."""
+        return _sub_grid(self.source.heights.shape[1], self.step)
+
+    @cached_property
+    def heights(self) -> Float32Array:
+        """(step² · rows · stride,) the heightmap in a margin of walls, m."""
+        flat = np.empty(self.step**2 * self.rows * self.stride, dtype=np.float32)
+        wall = np.float32(self.source.container.height)
+        kernels.polyphase(self.source.heights, self.step, wall, flat, self.rows, self.stride)
+        return flat
+
+    @cached_property
+    def prefix_sums(self) -> FloatArray:
+        """(step² · rows · stride,) running sums of the rows along y, m."""
+        flat = np.empty(self.step**2 * self.rows * self.stride)
+        kernels.row_prefix_sums(self.source.heights, self.step, flat, self.rows, self.stride)
+        return flat

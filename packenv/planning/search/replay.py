@@ -1,0 +1,62 @@
+"""The container heightmap step by step, from a plan's poses and the meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from packenv.geometry.heightmaps import orient_item
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting, measured_map
+from packenv.types import Container, Item, Placement, Plan
+
+
+def replay(
+    placements: Sequence[Placement],
+    items: Mapping[str, Item],
+    container: Container,
+    cell_size: float,
+    before: ContainerMap | None = None,
+) -> tuple[ContainerMap, ...]:
+    """Rebuild the heightmap after each placement, from the poses alone.
+
+    Args:
+        placements: in packing sequence; smallest x and y on cell boundaries, as the planner leaves them.
+        items: the placed items by name.
+        container: the box.
+        cell_size: m.
+        before: what the container holds already; empty where None.
+
+    Raises:
+        ValueError: an item is not over the container's floor, or below it.
+    """
+    surface = before or ContainerMap.empty(container, cell_size)
+    surfaces = []
+    for step, placement in enumerate(placements, start=1):
+        oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)
+        x, y, z = (placement.position - oriented.offset).tolist()
+        rooms = [n - m for n, m in zip(surface.heights.shape, oriented.top.shape, strict=True)]
+        cells = [c / cell_size for c in (x, y)]
+        inside = all(-0.5 <= cell <= room + 0.5 for cell, room in zip(cells, rooms, strict=True))
+        if not (inside and -1e-6 <= z <= container.height):
+            raise ValueError(f"step {step} ({placement.item}) is not inside the container")
+        ix, iy = (min(max(round(cell), 0), room) for cell, room in zip(cells, rooms, strict=True))
+        surface = surface.with_item(oriented, ix, iy, z)
+        surfaces.append(surface)
+    return tuple(surfaces)
+
+
+def replay_plan(plan: Plan, items: Mapping[str, Item], cell_size: float) -> tuple[ContainerMap, ...]:
+    """The heightmap after each step of a plan, of what lay there already by its measured pose.
+
+    Args:
+        plan: the plan.
+        items: its placed items by name.
+        cell_size: m.
+
+    Raises:
+        ValueError: an item is not over the container's floor, or below it.
+    """
+    done, planned = plan.placements[: plan.lying], plan.placements[plan.lying :]
+    lying = [Resting(items[p.item], *p.pose) for p in done]
+    maps = [measured_map(plan.container, cell_size, lying[: k + 1]) for k in range(len(lying))]
+    return (*maps, *replay(planned, items, plan.container, cell_size, maps[-1] if maps else None))

@@ -1,0 +1,187 @@
+"""Contacts between a placed item and items, walls and floor (paper Sec. III-A).
+
+The paper scales geometry by 1.03 about its centre and takes what then overlaps, which is 4.5 mm on an item of
+30 cm and 0.45 mm on one of 3 cm. Here surfaces touch where they are at most a stated gap apart and face each
+other: samples of each surface against the exact faces of the other. :mod:`packenv.planning.stability.paper_contacts` is
+the paper's rule, kept for comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from packenv.geometry.distance_grids import REACH, SPACING, SurfaceField
+from packenv.planning.stability.contact_kernels import CROSSING_WAY, touches, touches_container
+from packenv.types import Contacts, Container, FloatArray
+
+THRESHOLD = 1.5e-3
+"""Largest gap between surfaces that touch, m. Conservative heightmaps leave 0 to 1.5 mm, mostly 0.5 mm."""
+
+LARGEST_THRESHOLD = float(np.sqrt(REACH**2 - CROSSING_WAY**2))
+"""Larger gaps are beyond the band of the distance grids, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A surface at a pose: p_container = rotation @ p_mesh + position.
+
+    Attributes:
+        field: the surface, mesh frame.
+        rotation: (3, 3) proper rotation.
+        position: (3,) m.
+        box: (2, 3) smallest and largest x, y, z of the item at this pose, m, where they are known.
+    """
+
+    field: SurfaceField
+    rotation: FloatArray
+    position: FloatArray
+    box: FloatArray | None = None
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """(2, 3) a box around the item, m: its own where that is known, else that of the mesh frame's box."""
+        if self.box is not None:
+            return self.box
+        low, high = self.field.bounds
+        centre = self.rotation @ ((low + high) / 2) + self.position
+        half = np.abs(self.rotation) @ ((high - low) / 2)
+        return np.stack([centre - half, centre + half])
+
+
+def no_contacts() -> Contacts:
+    """Contacts of nothing with nothing."""
+    numbers = np.zeros(0, np.int64)
+    return Contacts(np.zeros((0, 3)), np.zeros((0, 3)), numbers, numbers, np.zeros(0))
+
+
+def join(parts: Sequence[Contacts]) -> Contacts:
+    """All contacts of several records in one, in sequence."""
+    if not parts:
+        return no_contacts()
+    return Contacts(
+        np.concatenate([p.points for p in parts]),
+        np.concatenate([p.normals for p in parts]),
+        np.concatenate([p.first for p in parts]),
+        np.concatenate([p.second for p in parts]),
+        np.concatenate([p.gaps for p in parts]),
+    )
+
+
+def item_contacts(
+    new: Body, others: Sequence[Body], container: Container, *, index: int, threshold: float = THRESHOLD
+) -> Contacts:
+    """Contacts of one item with the items before it, the walls and the floor.
+
+    Points and normals are those of a touched face: of the container, or of whichever of two items has a face
+    (not an edge or corner) there. Where sharp edges cross, the normal is perpendicular to both.
+
+    Args:
+        new: the item.
+        others: items 1 to ``index - 1``, in packing sequence.
+        container: the box.
+        index: number of ``new`` in the packing sequence, from 1.
+        threshold: largest gap, m; at most :data:`LARGEST_THRESHOLD`.
+
+    Returns:
+        Contacts whose ``second`` is ``index`` and ``first`` the earlier item or 0, unthinned: see
+        :func:`packenv.planning.stability.contact_patches.thin`.
+
+    Raises:
+        ValueError: the index does not follow ``others``, or the threshold is out of range.
+    """
+    if index != len(others) + 1:
+        raise ValueError(f"index is {index}, give {len(others) + 1}: one more than the items before it")
+    if not 0.0 < threshold <= LARGEST_THRESHOLD:
+        raise ValueError(
+            f"threshold is {threshold:g} m, give metres above 0 and up to {LARGEST_THRESHOLD:.4f}"
+        )
+    parts = [_with_container(new, container, index, threshold)]
+    if others:
+        low, high = new.bounds[0] - threshold, new.bounds[1] + threshold
+        boxes = np.array([b.bounds for b in others])
+        close = np.all((boxes[:, 0] <= high) & (boxes[:, 1] >= low), axis=1)
+        for i in np.flatnonzero(close):
+            other = others[int(i)]
+            parts.append(_one_way(new, other, (int(i) + 1, index), 1.0, threshold))
+            parts.append(_one_way(other, new, (int(i) + 1, index), -1.0, threshold))
+    return join([p for p in parts if len(p)])
+
+
+def pile_contacts(bodies: Sequence[Body], container: Container, *, threshold: float = THRESHOLD) -> Contacts:
+    """All contacts of a pile, unthinned: :func:`item_contacts` of every item with those before it.
+
+    Args:
+        bodies: items 1 to n in packing sequence.
+        container: the box.
+        threshold: largest gap, m.
+    """
+    return join(
+        [
+            item_contacts(body, bodies[:i], container, index=i + 1, threshold=threshold)
+            for i, body in enumerate(bodies)
+        ]
+    )
+
+
+def _with_container(new: Body, container: Container, index: int, threshold: float) -> Contacts:
+    field = new.field
+    # A sample in a corner touches three planes.
+    rows = np.empty((3 * len(field.records), 7))
+    count = touches_container(
+        field.records,
+        field.kinds,
+        field.starts,
+        field.spheres,
+        np.ascontiguousarray(new.rotation, np.float64),
+        np.asarray(new.position, np.float64),
+        np.array(container.size),
+        threshold,
+        rows,
+    )
+    rows = rows[:count]
+    return Contacts(
+        rows[:, :3].copy(),
+        rows[:, 3:6].copy(),
+        np.zeros(count, np.int64),
+        np.full(count, index, np.int64),
+        rows[:, 6].copy(),
+    )
+
+
+def _one_way(
+    samples: Body, surface: Body, numbers: tuple[int, int], sign: float, threshold: float
+) -> Contacts:
+    """Contacts of one body's samples with another's faces; ``sign`` turns normals into the second."""
+    one, other = samples.field, surface.field
+    # A sample touches one face or crosses up to three edges.
+    rows = np.empty((3 * len(one.records), 7))
+    count = touches(
+        one.records,
+        one.kinds,
+        one.starts,
+        one.spheres,
+        np.ascontiguousarray(surface.rotation.T @ samples.rotation, np.float64),
+        surface.rotation.T @ (samples.position - surface.position),
+        other.vertices,
+        other.faces,
+        other.normals,
+        other.neighbours,
+        other.boxes,
+        other.origin,
+        SPACING,
+        other.distance,
+        threshold,
+        rows,
+    )
+    rows = rows[:count]
+    return Contacts(
+        rows[:, :3] @ surface.rotation.T + surface.position,
+        sign * (rows[:, 3:6] @ surface.rotation.T),
+        np.full(count, numbers[0], np.int64),
+        np.full(count, numbers[1], np.int64),
+        rows[:, 6].copy(),
+    )

@@ -1,0 +1,81 @@
+"""What a plan claims, asked again: the exact meshes audited, stability and reach checked at every step."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from packenv.items.plan_items import Items, options_of, shelf_of
+from packenv.types import Plan
+from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
+from packenv.verification.stability_and_reach import Recheck, recheck
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What became of a plan's claims: the exact meshes audited, and every step's constraints asked again.
+
+    Attributes:
+        audit: from the exact meshes: overlaps, protrusions, insertion from above, lost items.
+        envelopes: the same from meshes and convex parts, for plans on these.
+        misstated: steps (from 1) whose stated bounding box is not that of the item at its pose.
+        recheck: stability and the robot's way.
+        unchecked: own constraints that the plan names; only their authors can check them.
+        placed: number of placed items.
+        left_over: number of items that are not in the plan.
+    """
+
+    audit: AuditReport
+    envelopes: AuditReport | None
+    misstated: tuple[int, ...]
+    recheck: Recheck
+    unchecked: tuple[str, ...]
+    placed: int
+    left_over: int
+
+    @property
+    def ok(self) -> bool:
+        """True where nothing was found."""
+        sound = self.audit.ok and (self.envelopes is None or self.envelopes.ok)
+        return sound and not self.misstated and self.recheck.ok
+
+    def to_json(self) -> dict[str, object]:
+        """The report as JSON-able lists and numbers; lengths in m, steps from 1."""
+        document: dict[str, object] = {
+            **self.audit.to_json(),
+            "misstated_boxes": self.misstated,
+            **asdict(self.recheck),
+            "unchecked_constraints": self.unchecked,
+            "placed": self.placed,
+            "left_over": self.left_over,
+            "ok": self.ok,
+        }
+        if self.envelopes is not None:
+            document["envelopes"] = self.envelopes.to_json()
+        return document
+
+
+def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = None) -> Verification:
+    """Audit a plan from the exact meshes, and check stability and reach of every step again.
+
+    Args:
+        plan: the plan.
+        catalogue: where its items are from; None takes what the plan names.
+        unit: unit of the meshes; None takes the plan's.
+
+    Raises:
+        InputError: a mesh is not the one that the plan was made of, or the plan's settings are wrong.
+    """
+    options = options_of(plan)
+    shelf = shelf_of(plan, catalogue, unit=unit)
+    names = dict.fromkeys(p.item for p in plan.placements)
+    items = {name: shelf.items[name] for name in names}
+    shapes = {name: shelf.shapes[name] for name in names}
+    return Verification(
+        audit_plan(plan, items),
+        audit_plan(plan, shapes) if options.shape == "parts" else None,
+        misstated_boxes(plan, shapes),
+        recheck(plan, shapes, shelf.fields, options),
+        tuple(str(name) for name in options.own_constraints),
+        len(plan.placements),
+        len(plan.leftovers),
+    )

@@ -1,0 +1,193 @@
+"""Check stability and manipulation of every step of a plan again, from its poses and the meshes alone.
+
+Nothing that the plan says of contacts, forces, grasps or joints is believed. The pile of each step is
+balanced from nothing, without the shortcuts of the planner and the forces of the step before; the way of
+the robot is looked for anew, and the joints that the plan states are put through the forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.geometry.heightmaps import orient_item
+from packenv.planning.assembly import margin_rule
+from packenv.planning.manipulation.checker import ManipulationChecker
+from packenv.planning.manipulation.grasps import generate_grasps
+from packenv.planning.options import GraspRule, PlanOptions
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.replay import replay_plan
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.constraint import ContactFinder, contact_finder, grounded
+from packenv.planning.stability.contacts import Body, join, no_contacts
+from packenv.planning.stability.margins import MarginRule, check_margin
+from packenv.robot import gripper, tx90
+from packenv.robot.cell import Cell
+from packenv.types import Contacts, Item, Placement, Plan
+
+JOINT_TOLERANCE = 1e-6
+"""How far the cup of the stated joints may be from its stated way, m."""
+
+
+@dataclass(frozen=True)
+class Recheck:
+    """Steps (from 1) that fail.
+
+    Attributes:
+        unstable_steps: the pile with this step's item does not stand.
+        unreachable_steps: the robot cannot bring this step's item to its place, or the stated joints are not
+            those of the stated way.
+    """
+
+    unstable_steps: tuple[int, ...] = ()
+    unreachable_steps: tuple[int, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """True where no step fails."""
+        return not (self.unstable_steps or self.unreachable_steps)
+
+
+def recheck(
+    plan: Plan,
+    items: Mapping[str, Item],
+    fields: Mapping[str, SurfaceField],
+    options: PlanOptions,
+) -> Recheck:
+    """Check what the plan's constraints ask beyond non-overlap.
+
+    Args:
+        plan: the plan.
+        items: the placed items by name, as the geometry that the plan was made with.
+        fields: their surfaces.
+        options: what the plan claims to keep; of the stability rules ``cautious`` and ``physics`` equilibrium.
+    """
+    if options.constraints == "overlap":
+        return Recheck()
+    rule = margin_rule(options.stability)
+    find = contact_finder(options.contacts, tight=rule is not None)
+    unstable = _unstable(plan, items, fields, rule, find)
+    if options.constraints == "stability":
+        return Recheck(unstable)
+    surfaces = _surfaces_before(plan, items, options.grid.cell_size)
+    checker = ManipulationChecker(Cell.beside(plan.container))
+    unreachable = tuple(
+        step
+        for step, placement in list(enumerate(plan.placements, start=1))[plan.lying :]
+        if step > len(surfaces)
+        or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, options.grasp)
+    )
+    return Recheck(unstable, unreachable)
+
+
+def _surfaces_before(plan: Plan, items: Mapping[str, Item], cell_size: float) -> list[ContainerMap]:
+    """The heightmap before each step, up to the first item that is not over the container."""
+    surfaces: tuple[ContainerMap, ...] = ()
+    for count in range(len(plan.placements), plan.lying, -1):
+        try:
+            surfaces = replay_plan(replace(plan, placements=plan.placements[:count]), items, cell_size)
+            break
+        except ValueError:
+            continue
+    empty = ContainerMap.empty(plan.container, cell_size)
+    known = [empty, *surfaces]
+    # Where the replay ended early, its next item is outside: there is no way down to it.
+    return known[:-1] if len(surfaces) == len(plan.placements) else known[: len(surfaces)]
+
+
+def _unstable(
+    plan: Plan,
+    items: Mapping[str, Item],
+    fields: Mapping[str, SurfaceField],
+    rule: MarginRule | None,
+    find: ContactFinder,
+) -> tuple[int, ...]:
+    checker = StabilityChecker()
+    bodies: list[Body] = []
+    contacts = no_contacts()
+    masses: list[float] = []
+    coms: list[np.ndarray] = []
+    failed = []
+    for step, placement in enumerate(plan.placements, start=1):
+        item = items[placement.item]
+        body = Body(fields[placement.item], placement.rotation, placement.position)
+        if step <= plan.lying:  # it proved that it stands: like the floor, as in planning
+            bodies.append(body)
+            continue
+        own = grounded(find(body, bodies, plan.container, step), plan.lying)
+        contacts = join([contacts, own])
+        bodies.append(body)
+        masses.append(item.mass)
+        coms.append(placement.rotation @ item.com + placement.position)
+        if not _stands(checker, contacts, masses, coms, rule):
+            failed.append(step)
+    return tuple(failed)
+
+
+def _stands(
+    checker: StabilityChecker,
+    contacts: Contacts,
+    masses: Sequence[float],
+    coms: Sequence[np.ndarray],
+    rule: MarginRule | None,
+) -> bool:
+    if rule is not None:
+        return check_margin(checker, contacts, masses, np.array(coms), rule)[-1].stable
+    return checker.check(contacts, masses, np.array(coms)).stable
+
+
+def _reachable(
+    placement: Placement,
+    item: Item,
+    surface: ContainerMap,
+    checker: ManipulationChecker,
+    grasp: GraspRule,
+) -> bool:
+    oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
+    corner = placement.position - oriented.offset
+    grasps = generate_grasps(oriented, rule=grasp)
+    try:
+        feasible = checker.check(oriented, corner, surface, grasps).feasible
+    except ValueError:  # off the grid: no planner placed it there, and no heightmap tells its way down
+        return False
+    if not feasible:
+        return False
+    return _stated_way_holds(placement, [corner + g.point for g in grasps], checker)
+
+
+def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker: ManipulationChecker) -> bool:
+    """Whether the stated joints bring the cup, holding this item, from above the rim to its place.
+
+    The grasp must be one of the item's own, the way straight down from above the rim by way of the release,
+    the joints one continuous branch within the limits with the arm clear of the rim and of itself.
+    """
+    if placement.path is None:
+        return False
+    joints, grasp, heights = placement.path.joints, placement.path.grasp, placement.path.cup_heights
+    cell = checker.cell
+    if len(joints) < 3 or not all(np.isfinite(a).all() for a in (joints, grasp, heights)):
+        return False
+    own = min(float(np.abs(grasp - cup).max()) for cup in cups) <= JOINT_TOLERANCE
+    ends = np.abs(heights[-2:] - (grasp[2] + np.array([checker.release, 0.0]))).max() <= JOINT_TOLERANCE
+    lowered = heights[0] - grasp[2] + placement.corner[2] >= cell.container.height
+    spaced = np.all(np.diff(heights) <= 0.0) and -np.diff(heights).min() <= 2 * checker.spacing
+    ways = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
+    reached = gripper.flange_to_tool(tx90.forward(joints))
+    error = np.abs(reached[:, :3, 3] - cell.to_base(ways)).max()
+    down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max()
+    inside = np.all(tx90.limit_margin(joints) >= -1e-9)
+    smooth = np.abs(np.diff(joints, axis=0)).max() <= tx90.MAX_STEP
+    return bool(
+        own
+        and ends
+        and lowered
+        and spaced
+        and error <= JOINT_TOLERANCE
+        and down <= JOINT_TOLERANCE
+        and inside
+        and smooth
+        and cell.arm_clear(joints[None])[0]
+    )
