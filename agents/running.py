@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from packenv.env.config import PackConfig
-from packenv.io.assets import BUILTIN
+from packenv.shipped import BUILTIN
 from packenv.io.rows import row_key
 from packenv.version import __version__
 

@@ -47,7 +47,7 @@ from benchmarks.shelf import open_shelf
 from packenv import api
 from packenv.config import GridConfig
 from packenv.execution.physics_planner import CAREFUL, STRICT
-from packenv.io.assets import robot_urdf
+from packenv.shipped import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions

@@ -123,7 +123,7 @@ def run_closed_loop(
         waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
     while waiting and not session.failed:
         placement, _ = waiting.pop(0)
-        task = task_of(placement, physics[placement.item], container)
+        task = task_of(placement, physics[placement.item], session.cell)
         session.place(task if disturbance is None else disturbance.task(task, len(done) + 1))
         done.append(placement)
         if session.failed or not (waiting or leftovers):

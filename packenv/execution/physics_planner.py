@@ -201,10 +201,14 @@ def make_planner(
         return assemble(options, items, container, margins=margins, give_up=give_up)
     static = replace(options, stability="paper")
     planner = assemble(static, items, container, margins=margins, give_up=give_up)
-    scratch = Scratch(container, world or WorldConfig())
-    strict = PhysicsConstraint(physics, scratch, items.shapes)
-    lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, EXACT)
-    anyhow = PhysicsConstraint(physics, scratch, items.shapes, ANYHOW, EXACT)
+    setup = options.setup
+    scratch = Scratch(container, world or WorldConfig(mu=setup.friction))
+    careful_drops, exact = (
+        tuple(replace(how, height=setup.release_height) for how in drops) for drops in (CAREFUL, EXACT)
+    )
+    strict = PhysicsConstraint(physics, scratch, items.shapes, STRICT, careful_drops)
+    lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, exact)
+    anyhow = PhysicsConstraint(physics, scratch, items.shapes, ANYHOW, exact)
     careful, levels = wary(planner.constraints), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
-from packenv.io.assets import MEMORY
 from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.items.catalogue import Catalogue, open_catalogue
 from packenv.items.memory import items_of_meshes
@@ -18,6 +17,7 @@ from packenv.planning.options import OWN, Geometry, PlanOptions
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.sequence import pieces_of
+from packenv.shipped import MEMORY
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from packenv.errors import InputError
 from packenv.robot.gripper import top_down
 from packenv.robot.protocol import MAX_STEP, PathBranches, Robot
 from packenv.types import BoolArray, Container, FloatArray
@@ -24,7 +25,6 @@ RELEASE_HEIGHT: Final = 0.01
 """How far above its place an item is let go, m (paper Sec. V)."""
 FRICTION: Final = 0.7
 """Coefficient of friction between any two surfaces (paper Sec. V)."""
-NEAR_EDGE: Final = 0.30
 WAYPOINT_STEP: Final = 0.02
 """Default distance of waypoints on a straight path, m."""
 _PICK_BEYOND: Final = 0.16
@@ -77,6 +77,20 @@ class CellSetup:
     release_height: float = RELEASE_HEIGHT
     rim_clearance: float = RIM_CLEARANCE
 
+    def __post_init__(self) -> None:
+        """Check that the numbers go together.
+
+        Raises:
+            InputError: they do not.
+        """
+        if not self.friction > 0.0:
+            raise InputError(f"friction is {self.friction:g}, give a number above 0")
+        if not 0.0 <= self.release_height <= self.rim_clearance:
+            raise InputError(
+                f"release_height_m is {self.release_height:g}, give a number from 0 to rim_clearance_m, "
+                f"{self.rim_clearance:g}: so far above the rim is an item carried"
+            )
+
     def with_container(self, container: Container) -> Cell:
         """The cell with a container of a certain size."""
         if self.container is None:
@@ -120,13 +134,6 @@ class Cell:
     container: Container
     position: tuple[float, float, float]
     yaw: float = 0.0
-
-    @classmethod
-    def beside(cls, container: Container) -> Cell:
-        """The TX90's cell, until all callers are given one."""
-        from packenv.robot.files import default_cell
-
-        return default_cell().with_container(container)
 
     @property
     def robot(self) -> Robot:

@@ -8,11 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from packenv.errors import InputError, nearest
-from packenv.io.assets import assets_dir
-from packenv.robot.cell import FRICTION, RELEASE_HEIGHT, RIM_CLEARANCE, CellSetup, Place
+from packenv.robot.cell import CellSetup, Place
 from packenv.robot.opw import OpwArm
 from packenv.robot.records import gripper_from, robot_from
 from packenv.robot.tables import Table
+from packenv.shipped import assets_dir
 
 DEFAULT = "tx90"
 """The robot of a cell that names none."""
@@ -64,22 +64,18 @@ def cell_from(record: object, where: str, folder: Path = Path()) -> CellSetup:
     robot = _robot(table, folder)
     if "gripper" in table:
         robot = robot.with_gripper(gripper_from(table.value("gripper"), table.place("gripper")))
-    rim = table.number("rim_clearance_m", 0.0, 1.0) if "rim_clearance_m" in table else RIM_CLEARANCE
-    release = table.number("release_height_m", 0.0) if "release_height_m" in table else RELEASE_HEIGHT
-    if release > rim:
-        raise InputError(
-            f"{where}: release_height_m is {release:g}, more than rim_clearance_m ({rim:g}): an item is let go "
-            "above its place by no more than it is carried above the rim"
+    given = [key for key in ("friction", "release_height_m", "rim_clearance_m") if key in table]
+    numbers = {key.removesuffix("_m"): table.number(key, 0.0) for key in given}
+    try:
+        return CellSetup(
+            robot=robot,
+            base=_place(table, "base") or Place(),
+            container=_place(table, "container"),
+            pick=_place(table, "pick"),
+            **numbers,
         )
-    return CellSetup(
-        robot=robot,
-        base=_place(table, "base") or Place(),
-        container=_place(table, "container"),
-        pick=_place(table, "pick"),
-        friction=table.number("friction", 0.0, 10.0, above=True) if "friction" in table else FRICTION,
-        release_height=release,
-        rim_clearance=rim,
-    )
+    except InputError as problem:
+        raise InputError(f"{where}: {problem}") from None
 
 
 @lru_cache(maxsize=1)

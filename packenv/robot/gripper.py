@@ -73,7 +73,3 @@ def top_down(points: FloatArray, yaw: float = 0.0) -> FloatArray:
     poses[..., :3, 3] = points
     poses[..., 3, 3] = 1.0
     return poses
-
-
-LENGTH, RADIUS, MASS = Gripper.length, Gripper.radius, Gripper.mass
-tool_to_flange, flange_to_tool = Gripper().tool_to_flange, Gripper().flange_to_tool

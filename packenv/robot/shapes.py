@@ -152,25 +152,3 @@ def _meeting_pairs(links: list[int]) -> IntArray:
         if order[b] - order[a] >= 2 and order[a] < (5 if b == last else 4)
     ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def __getattr__(name: str) -> object:
-    """The TX90's shapes, until all callers are given a robot."""
-    if name.startswith("__"):
-        raise AttributeError(name)
-    from packenv.robot.files import default_cell
-
-    robot = default_cell().robot
-    shapes = robot.shapes
-    old = {
-        "PRIMITIVES": shapes.primitives,
-        "GRIPPER": shapes.gripper,
-        "COLUMN_RADIUS": shapes.column_radius,
-        "arm_lowest": robot.arm_lowest,
-        "self_collision": robot.self_collision,
-        "link_capsules": lambda q: shapes.capsules(robot.link_frames(q)),
-        "lowest_points": lambda q: shapes.lowest_points(robot.link_frames(q)),
-    }
-    if name in old:
-        return old[name]
-    raise AttributeError(name)

@@ -24,18 +24,13 @@ _AXES = "zyyzyz"
 _COLOURS = {"arm": "0.93 0.68 0.10 1", "wrist": "0.65 0.66 0.68 1", "gripper": "0.15 0.15 0.17 1"}
 
 
-def urdf_text(robot: OpwArm | None = None) -> str:
+def urdf_text(robot: OpwArm) -> str:
     """The whole URDF: the robot's links and joints under their names, then ``gripper`` and ``tool``.
 
     Joints have the robot's own zero positions, limits, speeds and torques; the last link is the flange frame,
     ``tool`` the cup's lip. Masses are those of the record; centres of mass and inertia are those of the
     primitives at uniform density.
     """
-    if robot is None:
-        from packenv.robot.files import default_cell
-
-        robot = default_cell().robot  # type: ignore[assignment]
-        assert robot is not None
     title = robot.title.replace("--", "- -")  # which would end the comment
     lines = [
         '<?xml version="1.0"?>',

@@ -13,7 +13,7 @@ from packenv.execution.closed_loop import _still_good, run_closed_loop
 from packenv.execution.physics_planner import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
 from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.heightmaps import orient_item
-from packenv.io.assets import robot_urdf
+from packenv.shipped import robot_urdf
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict

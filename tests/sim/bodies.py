@@ -8,7 +8,7 @@ import numpy as np
 
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import robot_urdf
+from packenv.shipped import robot_urdf
 from packenv.robot.cell import Cell
 from packenv.robot.tx90 import continuous_branches
 from packenv.sim.descent import PlacementTask
