@@ -20,7 +20,7 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", BLOCKED + code], capture_output=True, text=True, cwd=REPO)
 
 
-def robotpack(*arguments: str | Path, module: str = "packenv") -> subprocess.CompletedProcess[str]:
+def robotpack(*arguments: str | Path, module: str = "packenv.cli") -> subprocess.CompletedProcess[str]:
     words = [str(argument) for argument in arguments]
     return python(f"from {module} import main\nsys.exit(main({words!r}))")
 

@@ -67,7 +67,7 @@ def test_without_physics_it_is_the_planner_that_was_asked_for(
     options = options_of(grasp="paper")
     plain = assemble(options, shelf, BOX).pack(NAMES, shelf.prepared, BOX)
     assert where(planned(options, shelf, physics)) == where(plain)
-    with pytest.raises(ValueError, match="physics_planning"):
+    with pytest.raises(ValueError, match="physics_planner"):
         assemble(replace(options, stability="physics"), shelf, BOX)
 
 
