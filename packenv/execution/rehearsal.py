@@ -63,7 +63,7 @@ class Rehearsal:
     cell: Cell
     physics: Mapping[str, PhysicsItem]
     worlds: int
-    config: ExecutionConfig
+    config: ExecutionConfig = field(default_factory=ExecutionConfig)
     lying: tuple[Lying, ...] = ()
 
     def __post_init__(self) -> None:
@@ -215,7 +215,7 @@ class _Search:
     def pack(self, planner: Planner, sequence: list[str] | None = None) -> Packing:
         """Plan."""
         pile = None if self.start is None else planner.pile(*self.start)
-        return planner.pack(sequence or self.sequence, self.items, self.rehearsal.container, pile)
+        return planner.pack(sequence or self.sequence, self.items, self.rehearsal.cell.container, pile)
 
     def take(self, how: str, packing: Packing) -> bool:
         """Rehearse a plan; True where nothing is left to wish for."""
