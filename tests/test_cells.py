@@ -57,10 +57,11 @@ def pack(order: Path, *more: str | Path) -> tuple[int, Path]:
     "cell", ["kr10_r1100", str(REPO / "assets" / "robots" / "kr10_r1100.json"), "turned"]
 )
 def test_a_plan_for_another_cell_is_packed_verified_executed_and_drawn(
-    order: Path, turned: Path, cell: str
+    order: Path, turned: Path, cell: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, plan = pack(order, "--cell", turned if cell == "turned" else cell)
     assert code == 0
+    assert "cell: kr10_r1100, gripper 0.3 m, container" in capsys.readouterr().out
     assert json.loads(plan.read_text())["settings"]["cell"]["robot"]["name"] == "kr10_r1100"
     assert main(["verify", str(plan)]) == 0
     gif = order.parent / "execution.gif"
@@ -139,6 +140,26 @@ def test_friction_is_the_cells_in_planning() -> None:
     assert rp.verify(smooth).ok
     claimed = replace(rough, settings={**rough.settings, "cell": slippery.to_mapping()}, made_with=None)
     assert rp.verify(claimed).recheck.unstable_steps == (4,)
+
+
+@needs_physics
+def test_physics_has_the_robot_where_the_planner_has_it() -> None:
+    import pybullet
+
+    from packenv.sim.robot_model import RobotModel
+    from packenv.sim.world import SCALE, World, WorldConfig
+
+    cell = load_cell(TURNED).with_container(rp.Container(0.16, 0.12, 0.10))
+    joints = np.array([0.2, -1.4, 1.9, 0.3, 0.9, -2.0])
+    frames = cell.poses_to_container(KR10.link_frames(joints))
+    with World(cell.container, WorldConfig()) as world:
+        robot = RobotModel(world, cell)
+        robot.move(joints)
+        for link in range(6):
+            state = pybullet.getLinkState(robot.body, link, 0, True, physicsClientId=world.client)
+            turn = np.reshape(pybullet.getMatrixFromQuaternion(state[5]), (3, 3))
+            np.testing.assert_allclose(np.array(state[4]) / SCALE, frames[link + 1, :3, 3], atol=1e-6)
+            np.testing.assert_allclose(turn, frames[link + 1, :3, :3], atol=1e-6)
 
 
 @needs_physics
