@@ -207,7 +207,9 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         if self._renderer is None:
             self._renderer = Renderer(
-                item_colour, mode="human" if self.render_mode == "human" else "rgb_array"
+                item_colour,
+                setup=self._rules.options.setup,
+                mode="human" if self.render_mode == "human" else "rgb_array",
             )
         scene = self._running().scene()
         if self.render_mode == "rgb_array":

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from packenv.io.files import write_whole
+from packenv.items.plan_items import cell_of
 from packenv.robot.cell import Cell
-from packenv.robot.gripper import LENGTH
-from packenv.robot.tx90 import link_frames
 from packenv.types import Container, Float32Array, FloatArray, Frame, IntArray, Item, Plan, Pose
 from packenv.view.colours import item_colour
 from packenv.view.painter import CREASE, Camera, Image, Quality, Surface, camera_around, paint, silhouette
@@ -136,17 +135,18 @@ class Artist:
             size: (width, height) of the pictures, px.
         """
         self._plan = plan
-        self._cell = Cell.beside(plan.container)
+        self._cell = cell_of(plan)
+        self._robot = self._cell.robot
         self._items = [
             _shape(items[p.item].vertices, items[p.item].faces, item_colour(k))
             for k, p in enumerate(plan.placements)
         ]
         self._links = [
             (mesh.link, _shape(mesh.vertices, mesh.faces, _ROBOT_COLOURS[mesh.kind]))
-            for mesh in robot_meshes()
+            for mesh in robot_meshes(self._robot.shapes)
         ]
         self._table = _table(plan.container, self._cell)
-        self._around = _stage(plan.container)
+        self._around = _stage(self._cell)
         self.camera: Camera = camera_around(self._around, size, _AZIMUTH, _ELEVATION)
 
     def draw(self, frame: Frame) -> Image:
@@ -158,10 +158,10 @@ class Artist:
         surfaces = [self._table]
         surfaces += [shape.at(*pose) for shape, pose in zip(self._items, frame.poses, strict=False)]
         if frame.joints is not None:
-            links = link_frames(frame.joints)
+            links = self._cell.poses_to_container(self._robot.link_frames(frame.joints))
             for link, shape in self._links:
                 rotation, position = links[link, :3, :3], links[link, :3, 3]
-                surfaces.append(shape.at(rotation, self._cell.to_container(position)))
+                surfaces.append(shape.at(rotation, position))
         picture = paint(self._plan.container, surfaces, self.camera, _QUALITY, self._around)
         if frame.poses:
             latest = len(frame.poses) - 1
@@ -188,10 +188,10 @@ def _shape(vertices: FloatArray, faces: IntArray, colour: tuple[int, int, int]) 
     return _Shape(vertices, whole, corner_normals(np.ascontiguousarray(vertices), whole, CREASE), colour)
 
 
-def _stage(container: Container) -> FloatArray:
+def _stage(cell: Cell) -> FloatArray:
     """(16, 3) corners of what the camera looks at: the box, the gripper above it, the robot's column."""
-    length, width, height = container.size
-    above = height + LENGTH + 0.04
+    length, width, height = cell.container.size
+    above = height + cell.robot.gripper.length + 0.04
     over_box = [(x, y, z) for x in (0.0, length) for y in (0.0, width) for z in (0.0, above)]
     middle = width / 2
     column = [(x, middle + y, z) for x in (-0.33, -0.2) for y in (-0.05, 0.1) for z in (0.05, 0.5)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.robot.shapes import GRIPPER, PRIMITIVES, Primitive
+from packenv.robot.shapes import LinkShapes, Primitive
 from packenv.types import FloatArray, IntArray
 
 _AROUND = 28
@@ -31,19 +31,20 @@ class LinkMesh:
     faces: IntArray
 
 
-def robot_meshes() -> tuple[LinkMesh, ...]:
+def robot_meshes(shapes: LinkShapes) -> tuple[LinkMesh, ...]:
     """One surface for each primitive of the arm and the gripper."""
-    return tuple(_mesh(index, primitive) for index, primitive in enumerate(PRIMITIVES))
+    last = shapes.gripper
+    return tuple(_mesh(part, index == last) for index, part in enumerate(shapes.primitives))
 
 
-def _mesh(index: int, primitive: Primitive) -> LinkMesh:
+def _mesh(primitive: Primitive, gripper: bool) -> LinkMesh:
     start, end = np.array(primitive.start), np.array(primitive.end)
     length = float(np.linalg.norm(end - start))
     z = (end - start) / length
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
     vertices, faces = _turned(_profile(primitive.radius, length, primitive.capsule))
-    kind = "gripper" if index == GRIPPER else "wrist" if primitive.link >= 5 else "arm"
+    kind = "gripper" if gripper else "wrist" if primitive.link >= 5 else "arm"
     return LinkMesh(primitive.link, kind, vertices @ np.stack([x, np.cross(z, x), z]) + start, faces)
 
 
