@@ -45,6 +45,13 @@ def row_of(name: str) -> tuple[str, str, str]:
     default = f"`{json.dumps(PlanOptions().to_mapping()[name])}`".replace('"', "")
     if name == "own_constraints":
         return ("a list of `module:name`", default, "further constraints of your own")
+    if name == "cell":
+        cell = "a robot cell's record as in [cell.md](cell.md), or null"
+        return (
+            cell,
+            default,
+            "robot, container's place and friction; null: the TX90, the container in front of it",
+        )
     rule = {**rules(), **GRID}[name]
     return (value_of(name, rule), default, rule.meaning)
 

@@ -14,6 +14,7 @@ from packenv.geometry.convex_parts import ConvexParts
 from packenv.io.executions import execution_to_json
 from packenv.items.plan_items import (
     Items,
+    cell_of,
     options_again,
     options_of,
     renumbered,
@@ -170,7 +171,7 @@ def execute(
     )
     if made.shape == "mesh":
         _remark_bulges(plan, shelf.parts, watcher)
-    cell = made.setup.with_container(plan.container)
+    cell = cell_of(plan)
     tasks = [_task(plan, k, shelf, cell) for k in range(len(placed), len(plan.placements))]
     if any(task.joints is None for task in tasks):
         watcher.remark(

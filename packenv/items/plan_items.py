@@ -17,6 +17,7 @@ from packenv.planning.options import OWN, Geometry, PlanOptions
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.sequence import pieces_of
+from packenv.robot.cell import Cell
 from packenv.shipped import MEMORY
 from packenv.types import Item, Plan
 
@@ -62,6 +63,20 @@ def options_of(plan: Plan) -> PlanOptions:
         return PlanOptions.from_mapping(plan.settings, f"{plan.label}: settings")
     except InputError as problem:
         raise PlanError(str(problem)) from None
+
+
+def cell_of(plan: Plan) -> Cell:
+    """The robot cell that a plan was made for, with the plan's container.
+
+    Raises:
+        PlanError: the plan names a cell that is none.
+    """
+    given = plan.settings.get("cell")
+    try:
+        setup = PlanOptions.from_mapping({"cell": given}, f"{plan.label}: settings").setup
+    except InputError as problem:
+        raise PlanError(str(problem)) from None
+    return setup.with_container(plan.container)
 
 
 def options_again(

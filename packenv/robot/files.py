@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from packenv.errors import InputError, nearest
+from packenv.errors import InputError, closest_match
 from packenv.robot.cell import CellSetup, Place
 from packenv.robot.opw import OpwArm
 from packenv.robot.records import gripper_from, robot_from
@@ -112,7 +112,7 @@ def _path(source: str | Path) -> Path:
         return assets_dir() / "robots" / f"{source}.json"
     path = Path(source)
     if not path.is_file():
-        hint = nearest(path.name, names)
+        hint = closest_match(path.name, names)
         raise InputError(
             f"{path}: is no file, give a cell file, a robot file or one of {', '.join(names)}{hint}"
         )

@@ -105,6 +105,11 @@ class OpwArm(Robot):
     gripper: Gripper
     near_edge: float
     payload: float | None = None
+    joint_names: tuple[str, ...] = field(init=False, repr=False, compare=False)
+    lower: FloatArray = field(init=False, repr=False, compare=False)
+    upper: FloatArray = field(init=False, repr=False, compare=False)
+    velocity: FloatArray = field(init=False, repr=False, compare=False)
+    shapes: LinkShapes = field(init=False, repr=False, compare=False)
     _arm: FloatArray = field(init=False, repr=False, compare=False)
     _signs: FloatArray = field(init=False, repr=False, compare=False)
     _offsets: FloatArray = field(init=False, repr=False, compare=False)

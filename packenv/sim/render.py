@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from packenv.errors import InputError
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.quiet import engine_muted
-from packenv.robot.cell import Cell
-from packenv.robot.shapes import PRIMITIVES
-from packenv.robot.urdf import urdf_text
+from packenv.robot.cell import Cell, CellSetup
+from packenv.robot.files import default_cell
 from packenv.sim.backdrop import Standing, View, backdrop
 from packenv.sim.closing import Closing
 from packenv.sim.view_meshes import view_mesh
@@ -56,12 +55,18 @@ class Renderer(Closing):
     """
 
     def __init__(
-        self, colour: Colour, *, mode: Literal["rgb_array", "human"] = "rgb_array", egl: bool | None = None
+        self,
+        colour: Colour,
+        *,
+        setup: CellSetup | None = None,
+        mode: Literal["rgb_array", "human"] = "rgb_array",
+        egl: bool | None = None,
     ) -> None:
         """Open the engine.
 
         Args:
             colour: of the items by their place in the sequence.
+            setup: the robot cell; None is the usual one.
             mode: ``rgb_array`` for :meth:`frame`; ``human`` opens PyBullet's window for :meth:`show`.
             egl: draw with OpenGL by PyBullet's EGL plugin where it loads, else as without; None:
                 only where there is a graphics card, without which OpenGL may take ten times as long.
@@ -74,6 +79,7 @@ class Renderer(Closing):
                 "render mode 'human': there is no display (DISPLAY is not set); 'rgb_array' needs none"
             )
         self.colour = colour
+        self.setup = setup or default_cell()
         self.mode = mode
         with engine_muted():
             try:
@@ -144,7 +150,7 @@ class Renderer(Closing):
         picture = np.array(rgba, dtype=np.uint8).reshape(height, width, 4)[:, :, :3]
         empty = np.asarray(seen).reshape(height, width) < 0
         if self._backdrop.shape != picture.shape:
-            self._backdrop = backdrop(_view(container), size, _standing(container))
+            self._backdrop = backdrop(_view(container), size, _standing(self.setup.with_container(container)))
         return np.where(empty[:, :, None], self._backdrop, picture)
 
     def show(self, container: Container, items: Sequence[Placed], joints: FloatArray | None = None) -> None:
@@ -230,11 +236,17 @@ class Renderer(Closing):
                 physicsClientId=c,
             )
             p.createMultiBody(0.0, -1, shape, centre, physicsClientId=c)
-        cell = Cell.beside(container)
-        urdf = self._folder / "tx90.urdf"
-        urdf.write_text(urdf_text(), encoding="utf-8")
+        cell = self.setup.with_container(container)
+        urdf = self._folder / "robot.urdf"
+        urdf.write_text(cell.robot.urdf(), encoding="utf-8")
         base = cell.to_container(np.zeros(3)).tolist()
-        self._robot = p.loadURDF(str(urdf), base, useFixedBase=True, physicsClientId=c)
+        self._robot = p.loadURDF(
+            str(urdf),
+            base,
+            p.getQuaternionFromEuler([0.0, 0.0, -cell.yaw]),
+            useFixedBase=True,
+            physicsClientId=c,
+        )
         self._home = _home(cell)
 
 
@@ -278,13 +290,18 @@ def _view(container: Container) -> View:
     return View(target + max(length, width, height) * np.array([2.0, -3.1, 2.45]), target, 37.0)
 
 
-def _standing(container: Container) -> tuple[Standing, ...]:
+def _standing(cell: Cell) -> tuple[Standing, ...]:
     """What darkens the table."""
-    length, width, _ = container.size
-    base = Cell.beside(container).to_container(np.zeros(3))
+    length, width, _ = cell.container.size
+    x, y, _ = cell.to_container(np.zeros(3)).tolist()
+    foot = (x, y)
     return (
         Standing((0.0, 0.0), (length, width), _WALL),
-        Standing((float(base[0]), float(base[1])), (float(base[0]), float(base[1])), PRIMITIVES[0].radius),
+        Standing(
+            foot,
+            foot,
+            cell.robot.shapes.primitives[0].radius,
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from packenv.io.files import write_whole
-from packenv.items.plan_items import options_of
+from packenv.items.plan_items import cell_of
 from packenv.robot.cell import Cell
 from packenv.types import Container, Float32Array, FloatArray, Frame, IntArray, Item, Plan, Pose
 from packenv.view.colours import item_colour
@@ -135,7 +135,7 @@ class Artist:
             size: (width, height) of the pictures, px.
         """
         self._plan = plan
-        self._cell = options_of(plan).setup.with_container(plan.container)
+        self._cell = cell_of(plan)
         self._robot = self._cell.robot
         self._items = [
             _shape(items[p.item].vertices, items[p.item].faces, item_colour(k))

@@ -13,17 +13,17 @@ from packenv.items.shelf import ItemShelf
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
-from tests.execution.test_physics_planner import BOX, GRID, NAMES, options_of, where
+from tests.execution.test_physics_planner import BOX, CELL, GRID, NAMES, options_of, where
 from tests.shapes import box
 from tests.shelf_samples import FOUR_BOXES, shelf_of
-from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
+from tests.sim.bodies import BOX as HAND_BOX, brick, by_hand, convex, slipped
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
 ALL = {**FOUR_BOXES, "plank": PLANK, "pole": POLE}
@@ -42,7 +42,7 @@ def physics() -> dict[str, PhysicsItem]:
 def rehearsed(
     planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], worlds: int = 2, **more: Packing
 ) -> Rehearsed:
-    return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(BOX, physics, URDF, worlds), **more)
+    return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(CELL, physics, worlds), **more)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     loose = make_planner(
         options_of(heuristic="dblf", tie_break=1.0, constraints="overlap"), shelf, BOX, physics
     )
-    stage = Rehearsal(BOX, physics, URDF, 1)
+    stage = Rehearsal(CELL, physics, 1)
     assert not stage.execution(loose.pack(names, shelf.prepared, BOX), 0).success
     done = pack_rehearsed(loose, names, shelf.prepared, stage)
     assert (done.plans, done.survived, done.how) == (2, 1, "hm")
@@ -94,7 +94,7 @@ def test_all_alternatives_are_tried_before_it_gives_in(
         return Execution(success, None, last[number], (), (), 0.0)
 
     monkeypatch.setattr(Rehearsal, "execution", execution)
-    monkeypatch.setattr(Rehearsal, "astray", lambda _, execution: frozenset({execution.detail}))
+    monkeypatch.setattr(Rehearsal, "blamed_items", lambda _, execution: frozenset({execution.detail}))
     done = rehearsed(planner, shelf, physics, worlds=3)
     assert (done.plans, done.worlds, done.survived) == (len(ALTERNATIVES) + LATER, 3, 2)
     assert done.packing is seen[2]
@@ -124,7 +124,7 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
         return Execution(where(packing) == where(other), None, "", (), (), 0.0)
 
     monkeypatch.setattr(Rehearsal, "execution", execution)
-    stage = Rehearsal(BOX, physics, URDF, 2)
+    stage = Rehearsal(CELL, physics, 2)
     done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
     assert where(done.packing) == where(other)
     assert (done.survived, done.plans, done.how) == (2, 2, "spare 1 hm")
@@ -152,7 +152,7 @@ def test_who_waits_is_spared_the_planner_s_other_heuristics(
 
     monkeypatch.setattr(Planner, "pack", pack)
     monkeypatch.setattr(Rehearsal, "execution", lambda *_: Execution(False, None, "", (), (), 0.0))
-    stage = Rehearsal(BOX, physics, URDF, 1)
+    stage = Rehearsal(CELL, physics, 1)
     for known, own in ({"running": running}, 1), ({"first": running}, 2):
         asked.clear()
         pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare], **known)
@@ -172,26 +172,26 @@ def test_what_can_never_fit_is_not_planned_again(
 def test_who_is_to_blame() -> None:
     """The one that collides; what it meets away from its place; what sticks out; what pushed that."""
     bricks = {name: brick(name=name) for name in ("first", "second")}
-    stage = Rehearsal(HAND_BOX, bricks, URDF, 1)
+    stage = Rehearsal(default_cell().with_container(HAND_BOX), bricks, 1)
 
     def failed(*tasks: PlacementTask, lying: tuple[Lying, ...] = ()) -> Execution:
-        execution = run_tasks(tasks, Cell.beside(HAND_BOX), ExecutionConfig(), None, None, lying)
+        execution = run_tasks(tasks, default_cell().with_container(HAND_BOX), ExecutionConfig(), None, lying)
         assert not execution.success
         return execution
 
     first = by_hand(bricks["first"], (0.1, 0.1, 0.0))
-    assert stage.astray(failed(first, by_hand(bricks["second"], (0.15, 0.1, 0.0)))) == {"second"}
+    assert stage.blamed_items(failed(first, by_hand(bricks["second"], (0.15, 0.1, 0.0)))) == {"second"}
     away = by_hand(bricks["first"], (0.02, 0.1, 0.0), slipped(0.03, 0.0))
-    assert stage.astray(failed(away, by_hand(bricks["second"], (0.13, 0.1, 0.0)))) == {"first"}
+    assert stage.blamed_items(failed(away, by_hand(bricks["second"], (0.13, 0.1, 0.0)))) == {"first"}
     high = brick(0.1, 0.1, 0.33, "first")
     execution = failed(by_hand(high, (0.1, 0.1, 0.0)))
-    assert replace(stage, physics={"first": high}).astray(execution) == {"first"}
+    assert replace(stage, physics={"first": high}).blamed_items(execution) == {"first"}
     lying = (Lying(high, execution.final[0]),)
     beside = failed(by_hand(bricks["second"], (0.0, 0.0, 0.0)), lying=lying)
     known = replace(stage, lying=lying)
-    assert known.astray(beside) == set()
+    assert known.blamed_items(beside) == set()
     pushed = replace(beside, items=(replace(beside.items[0], moved=(0,)),))
-    assert known.astray(pushed) == {"second"}
+    assert known.blamed_items(pushed) == {"second"}
 
 
 def test_an_incomplete_plan_gives_way_to_a_fuller_one(

@@ -12,7 +12,6 @@ from PIL import Image
 from packenv.errors import InputError
 from packenv.geometry.transforms import quaternion_to_rotation
 from packenv.io.executions import execution_to_json, mean_lengths, write_execution
-from packenv.robot.shapes import PRIMITIVES
 from packenv.sim.camera import Frame
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, ExecutionConfig, ItemOutcome
@@ -23,6 +22,7 @@ from packenv.view.execution_scene import executed_scene
 from packenv.view.page import page_text
 from packenv.view.robot_meshes import robot_meshes
 from tests import shapes
+from tests.robot.sampling import TX90
 from tests.view.test_page import decode, near_colour, visit
 
 CRATE, CUP = shapes.box(0.1, 0.08, 0.06, "crate"), shapes.cup(0.04, 0.08)
@@ -190,7 +190,7 @@ def test_a_gif_holds_every_frame(tmp_path: Path) -> None:
 
 def test_the_robot_is_drawn_as_it_is_checked() -> None:
     """Every primitive's surface lies at its radius, closed and turned outwards."""
-    for mesh, primitive in zip(robot_meshes(), PRIMITIVES, strict=True):
+    for mesh, primitive in zip(robot_meshes(TX90.shapes), TX90.shapes.primitives, strict=True):
         assert mesh.link == primitive.link
         start, end = np.array(primitive.start), np.array(primitive.end)
         along = (end - start) / np.linalg.norm(end - start)

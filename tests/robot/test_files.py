@@ -122,7 +122,10 @@ def test_a_mistake_in_a_robot_file_is_one_line(path, value, says, tmp_path):
         ({"robot": "tx90", "friction": 0}, "friction is 0, give a number above 0"),
         ({"robot": "tx90", "container": {"position_m": [0, 0]}}, "container: position_m is [0, 0]"),
         ({"robot": "tx90", "container": {"yaw_deg": 3}}, "container: position_m is missing"),
-        ({"robot": "tx90", "release_height_m": 0.02}, "release_height_m is 0.02, more than rim_clearance_m"),
+        (
+            {"robot": "tx90", "release_height_m": 0.02},
+            "release_height_m is 0.02, give a number from 0 to rim_clearance_m, 0.01",
+        ),
         ([], "give an object with robot"),
     ],
 )

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from packenv.errors import InputError
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.backdrop import Standing, View, backdrop
 from packenv.sim.render import Placed, Renderer, _home
 from packenv.sim.view_meshes import view_mesh
@@ -120,7 +120,7 @@ def test_every_item_has_the_colour_of_its_place(renderer: Renderer) -> None:
 
 
 def test_the_arm_is_seen_and_follows_its_joints(renderer: Renderer) -> None:
-    home = _home(Cell.beside(CONTAINER))
+    home = _home(default_cell().with_container(CONTAINER))
     assert home is not None
     resting = renderer.frame(CONTAINER, SCENE, size=SIZE)
     assert np.array_equal(renderer.frame(CONTAINER, SCENE, home, size=SIZE), resting)
