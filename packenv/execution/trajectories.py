@@ -123,9 +123,11 @@ class _MotionPlanner:
             release=place.moved(np.array([0.0, 0.0, _drop(path)])),
             motion=None,
         )
-        parts = self._handling(task, path)
-        if isinstance(parts, str):
-            return replace(found, problem=parts)
+        handling = self._handling(task, path)
+        if isinstance(handling, str):
+            return replace(found, problem=handling)
+        parts, planned = handling
+        found = replace(found, posture="planned" if planned else "other")
         if start is not None:
             travel = self._travel(start, parts[0].joints[0], task)
             if travel is None:
@@ -135,8 +137,12 @@ class _MotionPlanner:
             parts = [*travel, *parts]
         return _joined_parts(found, parts)
 
-    def _handling(self, task: Task, path: RobotPath) -> list[_Part] | str:
-        """The quickest clear way from above the pick place to above the container again, or why there is none."""
+    def _handling(self, task: Task, path: RobotPath) -> tuple[list[_Part], bool] | str:
+        """From above the pick place to above the container again, or why there is no clear way.
+
+        Returns:
+            the quickest way in the planned posture, else the quickest in another; and whether it is the planned.
+        """
         cell = self.cell
         pick_z, place_z = (float(box[2, 3] + task.low[2]) for box in (task.box_at_pick, task.box_at_place))
         height = float(task.high[2] - task.low[2])
@@ -166,7 +172,7 @@ class _MotionPlanner:
                 if best is None or planned > planned_found or _duration(parts) < _duration(best):
                     best, planned_found = parts, planned
         if best is not None:
-            return best
+            return best, planned_found
         unreached = "carry: no posture of the arm reaches from the pick place to above the container"
         return problems.get(True) or problems.get(False) or unreached
 

@@ -52,6 +52,8 @@ class StepMotion:
         legs: parts of the motion, in their sequence.
         vacuum_on: s after the step's start.
         vacuum_off: likewise.
+        posture: ``planned``, or ``other`` where the arm cannot come from the pick place in the posture that the
+            plan's joints tell.
         problem: why there is no motion; None where there is one.
     """
 
@@ -65,6 +67,7 @@ class StepMotion:
     legs: tuple[Leg, ...] = ()
     vacuum_on: float = 0.0
     vacuum_off: float = 0.0
+    posture: str = "planned"
     problem: str | None = None
 
 
@@ -166,6 +169,7 @@ def _step(step: StepMotion, joint_names: tuple[str, ...], frame: str) -> dict[st
         "item": step.item,
         "instance": step.instance,
         "problem": step.problem,
+        "posture": step.posture,
         "pick": _pose(step.pick),
         "place": _pose(step.place),
         "release": _pose(step.release),

@@ -23,7 +23,7 @@ from packenv.robot.timing import MotionLimits
 from packenv.robot.transfer import same_posture
 from packenv.types import Pose
 from tests.memory_samples import BOX, COARSE, ORDER, meshes
-from tests.robot.sampling import ROBOTS
+from tests.robot.sampling import ROBOTS, TX90
 
 LEGS = ["approach", "lift", "carry", "lower", "retreat"]
 
@@ -79,6 +79,7 @@ def held_poses(step: StepMotion, cell: Cell) -> tuple[np.ndarray, np.ndarray]:
 def test_every_step_has_a_motion(found: Trajectories, plan: rp.Plan) -> None:
     assert found.ok
     assert [(s.step, s.item) for s in found.steps] == [(k, p.item) for k, p in enumerate(plan.placements, 1)]
+    assert {step.posture for step in found.steps} == {"planned"}
     assert [leg.name for leg in found.steps[0].legs] == LEGS
     for step in found.steps[1:]:
         names = [leg.name for leg in step.legs]
@@ -331,9 +332,35 @@ def test_pick_places_all_around(setup: CellSetup, found: Trajectories, angle: fl
         assert math.degrees(math.atan2(turned[1, 0], turned[0, 0])) == pytest.approx(30.0)
 
 
+def test_another_posture_is_taken_where_the_planned_one_cannot_come_from_the_pick_place() -> None:
+    """Reaching backwards, joint 1 would have to go where its limit ends, on the shortened way and on the long one."""
+    first = replace(TX90.joints[0], lower=math.radians(-175.0), upper=math.radians(60.0))
+    robot = replace(TX90, joints=(first, *TX90.joints[1:]))
+    setup = CellSetup(robot, container=Place((robot.near_edge, 0.0, 0.0)))
+    plan = planned(setup)
+    placements = []
+    for placement in plan.placements:
+        assert placement.path is not None
+        ways = setup.robot.continuous_branches(setup.robot.forward(placement.path.joints)).q
+        backwards = [q for q in ways if q[0, 0] < -1.6]
+        if backwards:
+            placement = replace(placement, path=replace(placement.path, joints=backwards[0]))
+        placements.append(placement)
+    found = trajectories(replace(plan, placements=tuple(placements)))
+    assert found.ok
+    for step, placement in zip(found.steps, placements, strict=True):
+        assert placement.path is not None
+        q, poses = held_poses(step, found.cell)
+        backwards = placement.path.joints[0, 0] < -1.6
+        assert step.posture == ("other" if backwards else "planned")
+        assert same_posture(q[-1], placement.path.joints[-2]) != backwards
+        np.testing.assert_allclose(poses[-1], step.release.matrix, atol=1e-8)
+    assert "other" in {step.posture for step in found.steps}
+
+
 @pytest.mark.parametrize(
     ("x", "y", "words"),
-    [(3.0, 0.0, "no posture"), (0.1, 0.0, "container"), (0.1, -0.155, "held item meets the container")],
+    [(3.0, 0.0, "no posture"), (0.1, 0.0, "container"), (0.1, -0.155, "meets the container")],
 )
 def test_a_bad_pick_place_is_an_answer(setup: CellSetup, x: float, y: float, words: str) -> None:
     """Out of reach, in the container, in its wall."""
