@@ -19,7 +19,7 @@ from packenv.types import FloatArray
 
 SPACING: Final = 0.005
 """Largest distance of points on a path, m."""
-_TURN_SPACING: Final = 0.03
+_TURN_SPACING: Final = 0.01
 """Largest turn between points on a path, rad."""
 _POINTS: Final = 6
 """No path has fewer, so that a cubic spline can be laid through."""
@@ -49,7 +49,7 @@ def arcs(start: FloatArray, end: FloatArray) -> Iterator[FloatArray]:
     for turn in _either_way(phi1 - phi0):
         for twist in _either_way(psi1 - psi0):
             length = abs(r1 - r0) + abs(z1 - z0) + max(r0, r1) * abs(turn)
-            most = max(length / SPACING / 2.0, max(abs(turn), abs(twist)) / _TURN_SPACING)
+            most = max(length / SPACING, max(abs(turn), abs(twist)) / _TURN_SPACING)
             share = np.linspace(0.0, 1.0, max(_POINTS, ceil(most) + 1))
             r, phi = r0 + share * (r1 - r0), phi0 + share * turn
             yaw = phi + psi0 + share * twist

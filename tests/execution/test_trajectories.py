@@ -32,9 +32,14 @@ def planned(setup: CellSetup) -> rp.Plan:
     return rp.plan(ORDER, BOX, rp.load_catalogue(meshes()), grid=COARSE, cell=setup)
 
 
-@pytest.fixture(scope="module", params=ROBOTS, ids=lambda r: r.name)
+TURNED = CellSetup(TX90, container=Place((0.38, -0.14, 0.03), 20.0))
+SETUPS = {**{robot.name: CellSetup(robot) for robot in ROBOTS}, "turned": TURNED}
+
+
+@pytest.fixture(scope="module", params=SETUPS)
 def setup(request: pytest.FixtureRequest) -> CellSetup:
-    return CellSetup(request.param)
+    """Both robots' default cells, and one with a container that is turned and raised."""
+    return SETUPS[request.param]
 
 
 @pytest.fixture(scope="module")
@@ -309,7 +314,10 @@ def test_moving_base_and_container_together_changes_no_joint(found: Trajectories
     moved = replace(
         setup,
         base=Place((1.0, -2.0, 0.5), 40.0),
-        container=Place(tuple((base + turn @ at).tolist()), 40.0),  # type: ignore[arg-type]
+        container=Place(
+            tuple((base + turn @ at).tolist()),  # type: ignore[arg-type]
+            40.0 + math.degrees(found.cell.yaw),
+        ),
     )
     other = trajectories(planned(moved))
     for a, b in zip(found.steps, other.steps, strict=True):
@@ -360,11 +368,12 @@ def test_another_posture_is_taken_where_the_planned_one_cannot_come_from_the_pic
 
 @pytest.mark.parametrize(
     ("x", "y", "words"),
-    [(3.0, 0.0, "no posture"), (0.1, 0.0, "container"), (0.1, -0.155, "meets the container")],
+    [(3.0, 0.0, "no posture"), (0.1, 0.1, "container"), (0.1, -0.055, "meets the container")],
 )
 def test_a_bad_pick_place_is_an_answer(setup: CellSetup, x: float, y: float, words: str) -> None:
     """Out of reach, in the container, in its wall."""
-    bad = Place((setup.robot.near_edge + x, y, 0.0))
+    at = setup.with_container(BOX).to_base(np.array([x, y, 0.0]))
+    bad = Place(tuple(at.tolist()))  # type: ignore[arg-type]
     found = trajectories(planned(replace(setup, pick=bad)))
     assert not found.ok
     document = found.to_json()
