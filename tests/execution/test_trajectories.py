@@ -22,6 +22,7 @@ from packenv.robot.cell import Cell, CellSetup, Place
 from packenv.robot.timing import MotionLimits
 from packenv.robot.transfer import same_posture
 from packenv.types import Pose
+from tests.conftest import REPO
 from tests.memory_samples import BOX, COARSE, ORDER, meshes
 from tests.robot.sampling import ROBOTS, TX90
 
@@ -202,24 +203,45 @@ def test_every_written_point_is_clear(found: Trajectories, plan: rp.Plan) -> Non
 
 
 def test_exact_meshes_never_meet(found: Trajectories) -> None:
-    """Held items against walls and placed items, by python-fcl on the meshes, a tenth of a millimetre in."""
+    assert first_meeting(found) is None
+    assert first_meeting(found, inwards=0.02) == "book or cup meets 0", "a wall that moved is noticed"
+
+
+def test_exact_meshes_of_real_items_never_meet() -> None:
+    plan = rp.plan(rp.Order.of("bowl", "nesting_cup_5", "banana", "mug"), rp.Container(0.2, 0.2, 0.2))
+    assert len(plan.placements) >= 3
+    found = trajectories(plan)
+    assert found.ok
+    assert first_meeting(found) is None
+
+
+def first_meeting(found: Trajectories, inwards: float = 0.0) -> str | None:
+    """Held items and cup against walls and placed items, by python-fcl on the meshes, a tenth of a millimetre in.
+
+    Args:
+        found: the motions.
+        inwards: by how much the walls are moved inwards.
+    """
     cell = found.cell
-    obstacles = _walls(cell, found.wall)
+    obstacles = _walls(cell, found.wall, inwards)
+    gripper = cell.robot.gripper
+    tube = fcl.Cylinder(gripper.radius - 1e-4, gripper.length - 2e-4)
     for step in found.steps:
         item = found.items[step.item]
         model = _model(item.vertices - 1e-4 * np.sign(item.vertices - item.vertices.mean(axis=0)), item.faces)
         q, poses = held_poses(step, cell)
-        tube = fcl.Cylinder(cell.robot.gripper.radius - 1e-4, cell.robot.gripper.length - 2e-4)
         for tool, pose in zip(cell.robot.tool(q), poses, strict=True):
-            middle = tool[:3, 3] - tool[:3, 2] * cell.robot.gripper.length / 2.0
+            middle = tool[:3, 3] - tool[:3, 2] * gripper.length / 2.0
             moved = fcl.CollisionObject(model, fcl.Transform(pose[:3, :3], pose[:3, 3]))
             cup = fcl.CollisionObject(tube, fcl.Transform(tool[:3, :3], middle))
-            for other in obstacles:
+            for number, other in enumerate(obstacles):
                 for mine in (moved, cup):
-                    assert not fcl.collide(mine, other, fcl.CollisionRequest(), fcl.CollisionResult())
+                    if fcl.collide(mine, other, fcl.CollisionRequest(), fcl.CollisionResult()):
+                        return f"{step.item} or cup meets {number}"
         placed = _model(item.vertices, item.faces)
-        obstacles.append(fcl.CollisionObject(placed, fcl.Transform(step.place.rotation, step.place.position)))
-    assert fcl.collide(obstacles[0], obstacles[0], fcl.CollisionRequest(), fcl.CollisionResult())
+        there = fcl.Transform(step.place.rotation, step.place.position)
+        obstacles.append(fcl.CollisionObject(placed, there))
+    return None
 
 
 def _model(vertices: np.ndarray, faces: np.ndarray) -> fcl.BVHModel:
@@ -230,7 +252,7 @@ def _model(vertices: np.ndarray, faces: np.ndarray) -> fcl.BVHModel:
     return model
 
 
-def _walls(cell: Cell, wall: float) -> list[fcl.CollisionObject]:
+def _walls(cell: Cell, wall: float, inwards: float) -> list[fcl.CollisionObject]:
     """Four walls and the floor as solids in the base frame."""
     size = np.array(cell.container.size)
     solids = []
@@ -238,7 +260,10 @@ def _walls(cell: Cell, wall: float) -> list[fcl.CollisionObject]:
         for side in (0, 1) if axis < 2 else (0,):
             extents = size + 2.0 * wall * np.array([1.0, 1.0, 0.0])
             centre = size / 2.0
-            extents[axis], centre[axis] = wall, size[axis] + wall / 2.0 if side else -wall / 2.0
+            extents[axis], centre[axis] = (
+                wall,
+                (size[axis] - inwards + wall / 2.0 if side else inwards - wall / 2.0),
+            )
             solids.append(
                 fcl.CollisionObject(fcl.Box(*extents), fcl.Transform(cell.turn, cell.to_base(centre)))
             )
@@ -386,6 +411,21 @@ def test_a_bad_pick_place_is_an_answer(setup: CellSetup, x: float, y: float, wor
 
 
 # ------------------------------------------------------------------------------------------- the file
+
+
+def test_the_page_has_a_row_for_every_key(document: dict[str, Any]) -> None:
+    rows = [
+        line.split("|")[1]
+        for line in (REPO / "docs" / "trajectory.md").read_text().splitlines()
+        if "|" in line
+    ]
+    named = {word.strip("`.[] ").split(".")[-1].removesuffix("[]") for row in rows for word in row.split(",")}
+    row_of = {"robot": document["robot"], "step": document["steps"][0], "top": document}
+    for part, mapping in row_of.items():
+        for key in mapping:
+            if (part, key) in {("top", "robot"), ("top", "meshes")}:
+                continue  # their rows name what is in them
+            assert key in named, (part, key)
 
 
 def test_the_file_stands_alone(document: dict[str, Any], found: Trajectories, plan: rp.Plan) -> None:
