@@ -102,6 +102,14 @@ class CellSetup:
         return Cell(self, container, (x, y, z), self.container.yaw - turn)
 
     @property
+    def label(self) -> str:
+        """The cell in a few words, for people."""
+        gripper = self.robot.gripper
+        holds = "" if gripper.payload is None else f", holds {gripper.payload:g} kg (not checked)"
+        place = "in front of it" if self.container is None else "where the cell says"
+        return f"{self.robot.name}, gripper {gripper.length:g} m{holds}, container {place}"
+
+    @property
     def pick_place(self) -> Place:
         """Where items wait, in the base frame: to the robot's right where the cell does not say."""
         return self.pick or Place((0.0, -(self.robot.near_edge + _PICK_BEYOND), 0.0))
