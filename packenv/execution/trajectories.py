@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import pi
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +24,7 @@ from packenv.io.trajectories import Leg, StepMotion, Trajectories
 from packenv.items.plan_items import Items, options_of, require_plan, shelf_of
 from packenv.robot.cell import Cell
 from packenv.robot.timing import Motion, MotionLimits, timed
-from packenv.robot.transfer import arcs, branches, joined, same_posture, straight, vertical
+from packenv.robot.transfer import arcs, branches, joined, same_posture, straight, turned_to, vertical
 from packenv.types import FloatArray, Placement, Plan, Pose, RobotPath
 from packenv.watcher import SILENT, Watcher
 
@@ -214,9 +213,7 @@ class _MotionPlanner:
         robot = self.cell.robot
         for q in branches(robot, vertical(robot.tool(start), lift)):
             if same_posture(q[0], start):
-                moved: FloatArray = q + np.round((start - q[0]) / (2.0 * pi)) * 2.0 * pi
-                moved[0] = start
-                return moved
+                return turned_to(q, start)
         return None
 
     def _part(self, name: str, joints: FloatArray) -> _Part:

@@ -66,7 +66,15 @@ def branches(robot: Robot, path: FloatArray) -> FloatArray:
 
 def same_posture(first: FloatArray, second: FloatArray) -> bool:
     """Whether two joint vectors are whole turns apart, or none."""
-    return bool(np.abs(wrapped(first - second)).max() < _SAME)
+    apart = first - second
+    return bool(np.abs(apart - 2.0 * pi * np.round(apart / (2.0 * pi))).max() < _SAME)
+
+
+def turned_to(q: FloatArray, start: FloatArray) -> FloatArray:
+    """A path of joints, whole turns aside, that begins at ``start``, which has the posture of its first point."""
+    moved: FloatArray = q + np.round((start - q[0]) / (2.0 * pi)) * 2.0 * pi
+    moved[0] = start
+    return moved
 
 
 def joined(robot: Robot, start: FloatArray, end: FloatArray) -> Iterator[FloatArray]:
@@ -84,9 +92,9 @@ def joined(robot: Robot, start: FloatArray, end: FloatArray) -> Iterator[FloatAr
         for q in branches(robot, path):
             if not (same_posture(q[0], start) and same_posture(q[-1], end)):
                 continue
-            moved = q + np.round((start - q[0]) / (2.0 * pi)) * 2.0 * pi
+            moved = turned_to(q, start)
             if np.abs(moved[-1] - end).max() < _SAME and robot.limit_margin(moved).min() > -_SAME:
-                moved[0], moved[-1] = start, end
+                moved[-1] = end
                 yield moved
 
 
@@ -95,11 +103,6 @@ def straight(start: FloatArray, end: FloatArray) -> FloatArray:
     n = max(_POINTS, ceil(float(np.abs(end - start).max()) / _TURN_SPACING) + 1)
     line: FloatArray = start + np.linspace(0.0, 1.0, n)[:, None] * (end - start)
     return line
-
-
-def wrapped(angle: FloatArray) -> FloatArray:
-    """The same angles within [-π, π]."""
-    return angle - 2.0 * pi * np.round(angle / (2.0 * pi))
 
 
 def _cylindrical(pose: FloatArray) -> tuple[float, float, float, float]:
