@@ -41,6 +41,7 @@ def test_pack_verify_and_view_need_no_physics(plan, tmp_path):
     assert {path.suffix for path in plan.parent.iterdir()} == {".csv", ".json", ".html", ".png"}
     assert robotpack("verify", plan).returncode == 0
     assert robotpack("view", plan, "-o", tmp_path / "plan.html").returncode == 0
+    assert robotpack("export", plan, "-o", tmp_path / "trajectories.json").returncode == 0
 
 
 @pytest.mark.parametrize(
