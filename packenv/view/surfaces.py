@@ -1,0 +1,108 @@
+"""What pictures are made of: surfaces with a colour, of items, of the box, and of what else there is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import trimesh
+
+from packenv.types import Container, FloatArray, IntArray, Item, Pose
+
+_CREASE = math.radians(38.0)
+"""Faces that meet at a larger angle are not shaded as one smooth part."""
+_BOX_COLOUR = (226, 230, 236)
+# The box shows only a share of its shade: its walls are there to be glanced past.
+_WALL_SHADE, _FLOOR_SHADE = 0.4, 0.75
+# The box's faces seen from inside, as corners of the unit cube; the front and the top are open.
+_CORNER_BITS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+_FLOOR, _WALLS = (0, 1, 3, 2), ((0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6))
+_ITEMS: WeakKeyDictionary[Item, Surface] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Something to draw.
+
+    Attributes:
+        vertices: (n, 3) m.
+        normals: (n, 3) unit.
+        faces: (m, 3) int64, counter-clockwise seen from outside.
+        parts: (m,) int64; a line is drawn between faces of two parts, for there they meet in an edge.
+        colour: (red, green, blue), sRGB, 0 to 255.
+        shade: share of its shade that is seen; below 1 it has no lines either.
+        shadow: whether it throws one.
+    """
+
+    vertices: FloatArray
+    normals: FloatArray
+    faces: IntArray
+    parts: IntArray
+    colour: tuple[int, int, int] = (255, 255, 255)
+    shade: float = 1.0
+    shadow: bool = True
+
+    def at(self, pose: Pose, colour: tuple[int, int, int] | None = None) -> Surface:
+        """The surface elsewhere, perhaps in another colour."""
+        rotation, position = pose
+        vertices, normals = self.vertices @ rotation.T + position, self.normals @ rotation.T
+        return replace(self, vertices=vertices, normals=normals, colour=colour or self.colour)
+
+
+def surface_of(mesh: trimesh.Trimesh, colour: tuple[int, int, int] = (255, 255, 255)) -> Surface:
+    """A mesh, smooth but for its sharp edges."""
+    smooth = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
+    groups = smooth.metadata.get("original_components", [np.arange(len(smooth.faces))])
+    parts = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    return Surface(
+        np.array(smooth.vertices, dtype=np.float64),
+        np.array(smooth.vertex_normals, dtype=np.float64),
+        np.array(smooth.faces, dtype=np.int64),
+        parts.astype(np.int64),
+        colour,
+    )
+
+
+def item_surface(item: Item) -> Surface:
+    """An item's surface in its mesh frame; it is kept for as long as the item is."""
+    found = _ITEMS.get(item)
+    if found is None:
+        found = _ITEMS[item] = surface_of(trimesh.Trimesh(item.vertices, item.faces, process=False))
+    return found
+
+
+def box_corners(container: Container) -> FloatArray:
+    """(8, 3) corners of a container's inside, m."""
+    corners: FloatArray = _CORNER_BITS * np.array(container.size)
+    return corners
+
+
+def box_surfaces(container: Container) -> tuple[Surface, Surface]:
+    """Floor and walls of a container, seen from inside alone."""
+    corners = box_corners(container)
+    return _quads(corners, (_FLOOR,), _FLOOR_SHADE), _quads(corners, _WALLS, _WALL_SHADE)
+
+
+def quad_faces(count: int) -> IntArray:
+    """(2 count, 3) two triangles for each of so many quadrilaterals, whose four corners follow one another."""
+    first = 4 * np.arange(count)[:, None, None]
+    faces: IntArray = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return faces
+
+
+def _quads(corners: FloatArray, quads: tuple[tuple[int, ...], ...], shade: float) -> Surface:
+    faces = quad_faces(len(quads))
+    vertices = corners[np.array(quads)]
+    normals = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Surface(
+        vertices.reshape(-1, 3),
+        np.repeat(normals, 4, axis=0),
+        faces,
+        np.zeros(len(faces), dtype=np.int64),
+        _BOX_COLOUR,
+        shade,
+        shadow=False,
+    )
