@@ -23,7 +23,11 @@ from packenv.items.shelf import ItemShelf
 from packenv.types import Container, Placement, Plan
 
 if TYPE_CHECKING:
-    from packenv.env.pictures import Artist, Window
+    from packenv.env.window import Window
+    from packenv.view.stage import Stage
+
+_FRAME_SIZE = (480, 480)
+"""Width and height of the pictures, px."""
 
 
 class PackEnv(gymnasium.Env[Observation, Any]):
@@ -132,7 +136,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._told: list[Placement] = []
         self._invalid_on_end = 0
         self._left_over_told = 0
-        self._artist: Artist | None = None
+        self._stage: Stage | None = None
         self._window: Window | None = None
 
     def reset(
@@ -203,15 +207,17 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
             return None
-        from packenv.env.pictures import Artist, Window
+        from packenv.env.window import Window
         from packenv.robot.cell import Cell
+        from packenv.view.stage import Stage
 
         episode = self._running()
         if self.render_mode == "human" and self._window is None:
-            self._window = Window(self.metadata["render_fps"])
-        if self._artist is None or self._artist.cell.container != episode.container:
-            self._artist = Artist(Cell.beside(episode.container))
-        picture = self._artist.draw(*episode.scene())
+            self._window = Window(_FRAME_SIZE, self.metadata["render_fps"])
+        if self._stage is None or self._stage.cell.container != episode.container:
+            self._stage = Stage(Cell.beside(episode.container), _FRAME_SIZE)
+        placed, joints = episode.scene()
+        picture = self._stage.draw(placed, self._stage.home if joints is None else joints)
         if self._window is None:
             return picture
         self._window.show(picture)

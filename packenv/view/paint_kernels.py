@@ -120,10 +120,20 @@ def mark_edges(
 
 
 @njit(cache=True, error_model="numpy")
-def _arrives(maps: Float32Array, axes: FloatArray, d: int, x: float, y: float, z: float) -> float:
+def _arrives(
+    maps: Float32Array,
+    axes: FloatArray,
+    d: int,
+    at: FloatArray,
+    normal: FloatArray,
+    bias: float,
+    aside: float,
+    below: float,
+) -> float:
     """Share of light d that arrives at a place, 0 to 1: between the four nearest places of its map."""
-    across = axes[d, 0, 0] * x + axes[d, 0, 1] * y + axes[d, 0, 2] * z + axes[d, 0, 3] - 0.5
-    down = axes[d, 1, 0] * x + axes[d, 1, 1] * y + axes[d, 1, 2] * z + axes[d, 1, 3] - 0.5
+    x, y, z = at[0] + bias * normal[0], at[1] + bias * normal[1], at[2] + bias * normal[2]
+    across = axes[d, 0, 0] * x + axes[d, 0, 1] * y + axes[d, 0, 2] * z + axes[d, 0, 3] + aside - 0.5
+    down = axes[d, 1, 0] * x + axes[d, 1, 1] * y + axes[d, 1, 2] * z + axes[d, 1, 3] + below - 0.5
     height = axes[d, 2, 0] * x + axes[d, 2, 1] * y + axes[d, 2, 2] * z + axes[d, 2, 3]
     c, r = math.floor(across), math.floor(down)
     if r < 0 or c < 0 or r + 1 >= maps.shape[1] or c + 1 >= maps.shape[2]:
@@ -133,50 +143,6 @@ def _arrives(maps: Float32Array, axes: FloatArray, d: int, x: float, y: float, z
     lower = (1.0 - u) * (maps[d, r + 1, c] <= height) + u * (maps[d, r + 1, c + 1] <= height)
     share: float = (1.0 - v) * upper + v * lower
     return share
-
-
-@njit(cache=True, error_model="numpy")
-def _light(
-    x: float,
-    y: float,
-    z: float,
-    nx: float,
-    ny: float,
-    nz: float,
-    skies: Float32Array,
-    sky_axes: FloatArray,
-    sky_bias: float,
-    sun: Float32Array,
-    sun_axes: FloatArray,
-    sun_bias: float,
-) -> float:
-    """Light at one place of a surface with a unit normal; 1 is a good deal of it."""
-    arrived = possible = 0.0
-    px, py, pz = x + sky_bias * nx, y + sky_bias * ny, z + sky_bias * nz
-    for d in range(skies.shape[0]):
-        # The third axis is the direction to the light times the map's scale.
-        slope = nx * sky_axes[d, 2, 0] + ny * sky_axes[d, 2, 1] + nz * sky_axes[d, 2, 2]
-        if slope > 0.0:
-            possible += slope
-            arrived += slope * _arrives(skies, sky_axes, d, px, py, pz)
-    open_sky = arrived / possible if possible > 0.0 else 0.5
-    # What faces down gets its light back from the floor.
-    light = 0.68 * (0.6 + 0.4 * nz) * (0.12 + 0.88 * open_sky)
-    axes = sun_axes[0]
-    scale = math.sqrt(axes[2, 0] ** 2 + axes[2, 1] ** 2 + axes[2, 2] ** 2)
-    slope = (nx * axes[2, 0] + ny * axes[2, 1] + nz * axes[2, 2]) / scale
-    if slope > 0.0:
-        px, py, pz = x + sun_bias * nx, y + sun_bias * ny, z + sun_bias * nz
-        share, step = 0.0, 1.6 / (scale * scale)
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                # Soft: nine places around, 1.6 px of the map apart.
-                dx = step * (i * axes[0, 0] + j * axes[1, 0])
-                dy = step * (i * axes[0, 1] + j * axes[1, 1])
-                dz = step * (i * axes[0, 2] + j * axes[1, 2])
-                share += _arrives(sun, sun_axes, 0, px + dx, py + dy, pz + dz)
-        light += 0.66 * slope * share / 9.0
-    return light
 
 
 @njit(cache=True, error_model="numpy")
@@ -191,13 +157,12 @@ def shade(
     parts: IntArray,
     looks: FloatArray,
     eye: FloatArray,
-    ray_axes: FloatArray,
+    rays: FloatArray,
     skies: Float32Array,
     sky_axes: FloatArray,
-    sky_bias: float,
     sun: Float32Array,
     sun_axes: FloatArray,
-    sun_bias: float,
+    biases: FloatArray,
 ) -> Float32Array:
     """Light the z-buffer and average it to the picture's pixels.
 
@@ -212,75 +177,76 @@ def shade(
         parts: (m, 2) of each face its owner and its smooth part.
         looks: (k, 4) linear red, green and blue of each owner, 0 to 1, and the share of its shade that is seen.
         eye: (3,) m.
-        ray_axes: (3, 3) rows: change of the view ray (of unit depth) for a column, for a row, and the ray
-            through the corner (0, 0).
+        rays: (3, 3) as from ``Camera.rays``.
         skies: (d, s, s) light maps of skylight from d directions.
         sky_axes: (d, 3, 4) to each map's column, row and height.
-        sky_bias: m along the normal, to keep a surface from shading itself.
         sun: (1, s', s') light map of the sun.
         sun_axes: (1, 3, 4).
-        sun_bias: as ``sky_bias``.
+        biases: (2,) m along the normal under skylight and sun, to keep a surface from shading itself.
 
     Returns:
         (rows, columns, 3) linear light; the background is white.
     """
     rows, columns = nearness.shape[0] // samples, nearness.shape[1] // samples
     picture = np.zeros((rows, columns, 3), dtype=np.float32)
-    middle = samples // 2
-    for row in range(rows):
-        for column in range(columns):
-            top, left = row * samples, column * samples
-            first = shown[top, left]
-            # Light changes slowly inside a surface: one value serves the pixel unless an edge crosses it.
-            same = True
-            for r in range(top, top + samples):
-                for c in range(left, left + samples):
-                    other = shown[r, c]
-                    alike = other == first or (first >= 0 <= other and parts[other, 0] == parts[first, 0])
-                    same = same and alike and marks[r, c] == marks[top, left]
-            count = 1 if same else samples * samples
-            for s in range(count):
-                r = top + (middle if same else s // samples)
-                c = left + (middle if same else s % samples)
-                face = shown[r, c]
-                if face < 0:
-                    for k in range(3):
-                        picture[row, column, k] += 1.0 / count
-                    continue
-                owner, light = parts[face, 0], 1.0
-                share = looks[owner, 3]
-                if share > 0.0:
-                    a, b, d = faces[face, 0], faces[face, 1], faces[face, 2]
-                    ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
-                    cx, cy, x, y = points[d, 0], points[d, 1], c + 0.5, r + 0.5
-                    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-                    share_a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-                    share_b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-                    share_c = 1.0 - share_a - share_b
-                    nx = share_a * normals[a, 0] + share_b * normals[b, 0] + share_c * normals[d, 0]
-                    ny = share_a * normals[a, 1] + share_b * normals[b, 1] + share_c * normals[d, 1]
-                    nz = share_a * normals[a, 2] + share_b * normals[b, 2] + share_c * normals[d, 2]
-                    length = max(math.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
-                    depth = 1.0 / nearness[r, c]
-                    light = _light(
-                        eye[0] + depth * (ray_axes[2, 0] + x * ray_axes[0, 0] + y * ray_axes[1, 0]),
-                        eye[1] + depth * (ray_axes[2, 1] + x * ray_axes[0, 1] + y * ray_axes[1, 1]),
-                        eye[2] + depth * (ray_axes[2, 2] + x * ray_axes[0, 2] + y * ray_axes[1, 2]),
-                        nx / length,
-                        ny / length,
-                        nz / length,
-                        skies,
-                        sky_axes,
-                        sky_bias,
-                        sun,
-                        sun_axes,
-                        sun_bias,
-                    )
-                    if marks[r, c] == 2:
-                        light *= 0.34
-                    elif marks[r, c] == 1:
-                        light *= 0.72
-                    light = 1.0 - share * (1.0 - light)
+    size = math.sqrt(sun_axes[0, 2, 0] ** 2 + sun_axes[0, 2, 1] ** 2 + sun_axes[0, 2, 2] ** 2)
+    at, n = np.empty(3), np.empty(3)
+    for pixel in range(rows * columns):
+        row, column = pixel // columns, pixel % columns
+        top, left = row * samples, column * samples
+        first = shown[top, left]
+        # Light changes slowly inside a surface: one value serves the pixel unless an edge crosses it.
+        same = True
+        for r in range(top, top + samples):
+            for c in range(left, left + samples):
+                other = shown[r, c]
+                alike = other == first or (first >= 0 <= other and parts[other, 0] == parts[first, 0])
+                same = same and alike and marks[r, c] == marks[top, left]
+        count = 1 if same else samples * samples
+        for s in range(count):
+            r = top + (samples // 2 if same else s // samples)
+            c = left + (samples // 2 if same else s % samples)
+            face = shown[r, c]
+            if face < 0:
                 for k in range(3):
-                    picture[row, column, k] += light * looks[owner, k] / count
+                    picture[row, column, k] += 1.0 / count
+                continue
+            owner, light = parts[face, 0], 1.0
+            if looks[owner, 3] > 0.0:
+                i, j, h = faces[face, 0], faces[face, 1], faces[face, 2]
+                ax, ay, bx, by = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+                cx, cy, x, y = points[h, 0], points[h, 1], c + 0.5, r + 0.5
+                area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+                share_a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                share_b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                for k in range(3):
+                    ray = rays[2, k] + x * rays[0, k] + y * rays[1, k]
+                    at[k] = eye[k] + ray / nearness[r, c]
+                    n[k] = share_a * normals[i, k] + share_b * normals[j, k]
+                    n[k] += (1.0 - share_a - share_b) * normals[h, k]
+                length = max(math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), 1e-12)
+                for k in range(3):
+                    n[k] /= length
+                arrived = possible = 0.0
+                for d in range(skies.shape[0]):
+                    # The third axis is the direction to the light times the map's scale.
+                    slope = n[0] * sky_axes[d, 2, 0] + n[1] * sky_axes[d, 2, 1] + n[2] * sky_axes[d, 2, 2]
+                    if slope > 0.0:
+                        possible += slope
+                        arrived += slope * _arrives(skies, sky_axes, d, at, n, biases[0], 0.0, 0.0)
+                open_sky = arrived / possible if possible > 0.0 else 0.5
+                # What faces down gets its light back from the floor.
+                light = 0.68 * (0.6 + 0.4 * n[2]) * (0.12 + 0.88 * open_sky)
+                slope = n[0] * sun_axes[0, 2, 0] + n[1] * sun_axes[0, 2, 1] + n[2] * sun_axes[0, 2, 2]
+                if slope > 0.0:
+                    # Soft: nine places around, 1.6 px of the map apart.
+                    for tap in range(9):
+                        u, v = 1.6 * (tap % 3 - 1), 1.6 * (tap // 3 - 1)
+                        arrived = _arrives(sun, sun_axes, 0, at, n, biases[1], u, v)
+                        light += 0.66 / 9.0 * slope / size * arrived
+                if marks[r, c] > 0:
+                    light *= 0.34 if marks[r, c] == 2 else 0.72
+                light = 1.0 - looks[owner, 3] * (1.0 - light)
+            for k in range(3):
+                picture[row, column, k] += light * looks[owner, k] / count
     return picture

@@ -88,7 +88,7 @@ def paint(
         vertices, faces[dark], around, sky_directions(quality.skies), quality.sky_map
     )
     sun, sun_axes = _light_maps(vertices, faces[dark], around, np.array([_SUN]), quality.sun_map)
-    texel = float(np.linalg.norm(np.ptp(around, axis=0))) / np.array([quality.sky_map, quality.sun_map])
+    texels = float(np.linalg.norm(np.ptp(around, axis=0))) / np.array([quality.sky_map, quality.sun_map])
     picture = kernels.shade(
         nearness,
         shown,
@@ -103,10 +103,9 @@ def paint(
         camera.rays(samples),
         skies,
         sky_axes,
-        2.5 * texel[0],
         sun,
         sun_axes,
-        3.0 * texel[1],
+        np.array([2.5, 3.0]) * texels,
     )
     return _encode_srgb(picture)
 

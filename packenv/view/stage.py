@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import trimesh
@@ -25,6 +25,8 @@ _TABLE = (228, 231, 236)
 _TABLE_SHADE = 0.5
 _BELOW = 0.004
 """How far the table is below the container's floor, m."""
+_PARKED = 0.06
+"""How far above the rim the cup waits at home, m."""
 
 
 class Stage:
@@ -44,6 +46,14 @@ class Stage:
         self._around = _corners(cell)
         self._table = _table(cell)
         self.camera = camera_around(self._around, size, _AZIMUTH, _ELEVATION)
+
+    @cached_property
+    def home(self) -> FloatArray | None:
+        """(6,) joints with the cup above the middle of the rim, rad; None where the arm does not get there."""
+        length, width, height = self.cell.container.size
+        above = np.array([length / 2, width / 2, height + _PARKED])
+        found = self.cell.clear_branches(self.cell.top_down_path(above, 0.0))
+        return found.q[0, 0] if len(found.q) else None
 
     def draw(self, placed: Sequence[tuple[Item, Pose]], joints: FloatArray | None = None) -> Image:
         """One moment.

@@ -15,7 +15,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from packenv.robot.cell import Cell
+from packenv.robot.gripper import flange_to_tool
 from packenv.robot.shapes import PRIMITIVES
+from packenv.robot.tx90 import forward
 from packenv.types import Container, FloatArray, Item, Pose
 from packenv.view import surfaces
 from packenv.view.colours import item_colour
@@ -203,6 +205,16 @@ def test_the_robot_is_drawn_as_it_is_checked() -> None:
         assert (outward > 0).all()
 
 
+def test_at_home_the_cup_is_above_the_middle_of_the_rim() -> None:
+    there = stage()
+    assert there.home is not None
+    tool = there.cell.to_container(flange_to_tool(forward(there.home[None]))[0, :3, 3])
+    assert tool == pytest.approx([0.16, 0.16, 0.36], abs=1e-6)
+    assert (there.draw([], there.home) != there.draw([])).any(axis=2).mean() > 0.03
+    far = Stage(Cell(CONTAINER, (3.0, 0.0, 0.0)), SIZE)
+    assert far.home is None
+
+
 @pytest.mark.parametrize(
     "size", [(0.1, 0.1, 0.1), (0.6, 0.4, 0.4), (0.3, 0.6, 0.2), (1.2, 0.8, 0.9)], ids=str
 )
@@ -220,7 +232,7 @@ def test_a_thousand_frames_of_ever_new_items_keep_no_memory() -> None:
 
     def draw(count: int) -> None:
         for k in range(count):
-            there.draw([at(ball(0.05 + 1e-5 * k), 0.1, 0.1)], BENT)
+            there.draw([at(cylinder(0.05, 0.1 + 1e-5 * k), 0.1, 0.1)])
 
     draw(100)
     gc.collect()

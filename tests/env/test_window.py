@@ -1,4 +1,4 @@
-"""What the environment shows: the robot at home, and a window that says in one line why there is none."""
+"""What the environment shows: frames, and a window that says in one line why there is none."""
 
 from __future__ import annotations
 
@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from packenv.env import pictures
-from packenv.env.pictures import Artist, Window
+from packenv.env.window import Window
 from packenv.errors import InputError
-from packenv.robot.cell import Cell
-from packenv.types import Container
-from tests.env_samples import CONFIG, best_action, make_env
-
-CELL = Cell.beside(Container(0.32, 0.32, 0.30))
+from tests.env_samples import CONFIG, ORDER, best_action, make_env
 
 
 @pytest.fixture
@@ -24,20 +19,6 @@ def nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     """A window that draws to nowhere, as on a machine without a display, where that is asked for."""
     pytest.importorskip("pygame", reason="pygame is not installed", exc_type=ImportError)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-
-
-def test_the_robot_waits_with_its_cup_above_the_middle_of_the_rim() -> None:
-    artist = Artist(CELL)
-    home = pictures._home(CELL)
-    assert home is not None
-    assert np.array_equal(artist.draw([]), artist.draw([], home))
-    assert (artist.draw([]) != artist.draw([], home + 0.4 * np.eye(6)[0])).any(axis=2).mean() > 0.03
-
-
-def test_a_container_out_of_the_arms_reach_is_drawn_without_the_robot() -> None:
-    far = Cell(CELL.container, (3.0, 0.0, 0.0))
-    assert pictures._home(far) is None
-    assert Artist(far).draw([]).shape == (480, 480, 3)
 
 
 def test_the_frame_shows_the_container_and_grows_with_the_items() -> None:
@@ -68,7 +49,9 @@ def test_two_environments_draw_the_same() -> None:
 def test_gymnasiums_checks_pass_with_pictures() -> None:
     """They make the environment again in each of its render modes."""
     config = {**CONFIG, "mask": "legal"}
-    check_env(gymnasium.make("RobotPack-v0", config=config, render_mode="rgb_array").unwrapped)
+    env = gymnasium.make("RobotPack-v0", config=config, order_generator=ORDER, render_mode="rgb_array")
+    check_env(env.unwrapped)
+    env.close()
 
 
 @pytest.mark.usefixtures("nowhere")
@@ -106,6 +89,6 @@ def test_a_window_without_a_display_is_told_in_one_line(monkeypatch: pytest.Monk
 def test_a_window_without_pygame_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(InputError, match="pip install pygame") as caught:
-        Window(4)
+        Window((480, 480), 4)
     assert "\n" not in str(caught.value)
     assert "rgb_array" in str(caught.value)
