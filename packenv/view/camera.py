@@ -13,6 +13,15 @@ _FIELD_OF_VIEW = math.radians(30.0)  # of the picture's longer side
 _MARGIN = 0.04  # of the picture's shorter side left free on every side
 
 
+def in_axes(points: FloatArray, axes: FloatArray) -> FloatArray:
+    """(n, k) points along the (k, 3) rows of ``axes``.
+
+    The product by ``@`` would start threads, which on a busy machine takes ten times as long.
+    """
+    turned: FloatArray = np.einsum("ij,kj->ik", points, axes)
+    return turned
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera.
@@ -39,7 +48,7 @@ class Camera:
             (n, 3) column and row in px, rows downwards, and nearness = 1 / depth in 1/m; a point behind the
             eye has a nearness of 0 or less and no meaningful column and row.
         """
-        local = (points - self.eye) @ self.axes.T
+        local = in_axes(points - self.eye, self.axes)
         depth = -local[:, 2]
         nearness = 1.0 / np.where(np.abs(depth) < 1e-12, -1e-12, depth)
         column = self.size[0] / 2 + self.focal * local[:, 0] * nearness

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from packenv.types import Container, Float32Array, FloatArray, IntArray
-from packenv.view.camera import Camera
+from packenv.view.camera import Camera, in_axes
 from packenv.view.surfaces import Surface, box_corners, box_surfaces, quad_faces
 
 Image: TypeAlias = NDArray[np.uint8]
 
 _SUN = (0.25, -0.75, 1.15)
-_LINE_COLOURS = ((74, 86, 102), (132, 141, 155))
-"""Of the box's edges behind and before the items."""
+_LINE_COLOUR = (74, 86, 102)
 _EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
 
 
@@ -66,19 +65,19 @@ def paint(
     drawn = [*surfaces, *box_surfaces(container)]
     vertices, faces = _joined([surface.vertices for surface in drawn], [surface.faces for surface in drawn])
     dark = np.repeat([surface.shadow for surface in drawn], [len(surface.faces) for surface in drawn])
-    lines, before = _box_lines(container, camera)
+    lines = _box_lines(container, camera)
     points, all_faces = _joined(
         [camera.project(vertices), lines.reshape(-1, 3)], [faces, quad_faces(len(lines))]
     )
     points[:, :2] *= samples
     owners = [np.full(len(surface.faces), k) for k, surface in enumerate(drawn)]
-    owners.append(np.repeat(len(drawn) + before, 2))
+    owners.append(np.full(2 * len(lines), len(drawn)))
     smooth = [*(surface.parts for surface in drawn), np.zeros(2 * len(lines), dtype=np.int64)]
     parts = np.column_stack([np.concatenate(owners), np.concatenate(smooth)])
     looks = np.column_stack(
         [
-            linear([*(surface.colour for surface in drawn), *_LINE_COLOURS]),
-            [*(surface.shade for surface in drawn), 0.0, 0.0],
+            linear([*(surface.colour for surface in drawn), _LINE_COLOUR]),
+            [*(surface.shade for surface in drawn), 0.0],
         ]
     )
     nearness, shown = _rasterized(points, all_faces, (camera.size[1] * samples, camera.size[0] * samples))
@@ -135,12 +134,10 @@ def _rasterized(
     return nearness, shown
 
 
-def _box_lines(container: Container, camera: Camera) -> tuple[FloatArray, IntArray]:
-    """The box's edges as strips of equal width on the screen.
+def _box_lines(container: Container, camera: Camera) -> FloatArray:
+    """(12, 4, 3) column, row in px and nearness of the corners of a strip for each edge of the box.
 
-    Returns:
-        (12, 4, 3) column, row in px and nearness of each strip's corners, and (12,) 1 for an edge that no wall
-        seen from inside is behind, else 0.
+    Strips are of equal width on the screen, thinner before the items.
     """
     corners = box_corners(container)
     ends = camera.project(corners)[np.array(_EDGES)]
@@ -151,14 +148,14 @@ def _box_lines(container: Container, camera: Camera) -> tuple[FloatArray, IntArr
     outer = (camera.eye < corners) == (corners == 0.0)
     outer[corners[:, 2] > 0.0, 2] = True
     shared = corners[[a for a, _ in _EDGES]] == corners[[b for _, b in _EDGES]]
-    before = (outer[[a for a, _ in _EDGES]] | ~shared).all(axis=1).astype(np.int64)
-    across *= max(1.0, min(camera.size) / 640) / 2
+    before = (outer[[a for a, _ in _EDGES]] | ~shared).all(axis=1)
+    across *= np.where(before, 0.6, 1.0)[:, None] * max(1.0, min(camera.size) / 640) / 2
     strips = np.repeat(ends, 2, axis=1)
     strips[:, [0, 3], :2] -= across[:, None]
     strips[:, [1, 2], :2] += across[:, None]
     # Slightly nearer than the wall that it lies on.
     strips[:, :, 2] *= 1.002
-    return strips, before
+    return strips
 
 
 def _light_maps(
@@ -184,13 +181,13 @@ def _light_maps(
     )
     for index, direction in enumerate(directions):
         toward = direction / np.linalg.norm(direction)
-        across = np.cross([0.0, 1.0, 0.0] if abs(toward[1]) < 0.9 else [1.0, 0.0, 0.0], toward)
+        across = np.cross([0.0, 1.0, 0.0] if abs(toward[1]) < 0.9 else [1.0, 0.0], toward)
         across /= np.linalg.norm(across)
         axes = np.stack([across, -np.cross(toward, across), toward]) * scale
         # Heights are positive: 0 is where nothing is.
         offset = np.array([size / 2, size / 2, 4.0 * size]) - axes @ ((low + high) / 2)
         transforms[index] = np.column_stack([axes, offset])
-        maps[index], _ = _rasterized(vertices @ axes.T + offset, faces, (size, size))
+        maps[index], _ = _rasterized(in_axes(vertices, axes) + offset, faces, (size, size))
     return maps, transforms
 
 

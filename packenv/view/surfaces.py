@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from packenv.types import Container, FloatArray, IntArray, Item, Pose
+from packenv.view.camera import in_axes
 
 _CREASE = math.radians(38.0)
 """Faces that meet at a larger angle are not shaded as one smooth part."""
@@ -47,7 +48,7 @@ class Surface:
     def at(self, pose: Pose, colour: tuple[int, int, int] | None = None) -> Surface:
         """The surface elsewhere, perhaps in another colour."""
         rotation, position = pose
-        vertices, normals = self.vertices @ rotation.T + position, self.normals @ rotation.T
+        vertices, normals = in_axes(self.vertices, rotation) + position, in_axes(self.normals, rotation)
         return replace(self, vertices=vertices, normals=normals, colour=colour or self.colour)
 
 
