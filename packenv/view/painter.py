@@ -18,7 +18,8 @@ Image: TypeAlias = NDArray[np.uint8]
 
 _SUN = (0.25, -0.75, 1.15)
 _LINE_COLOUR = (74, 86, 102)
-_EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
+_EDGES = np.array([(a, a | bit) for bit in (1, 2, 4) for a in range(8) if not a & bit])
+"""(12, 2) corners of the box, as of ``box_corners``, that an edge joins."""
 
 
 @dataclass(frozen=True)
@@ -64,29 +65,23 @@ def paint(
     samples = quality.samples
     drawn = [*surfaces, *box_surfaces(container)]
     vertices, faces = _joined([surface.vertices for surface in drawn], [surface.faces for surface in drawn])
-    dark = np.repeat([surface.shadow for surface in drawn], [len(surface.faces) for surface in drawn])
     lines = _box_lines(container, camera)
     points, all_faces = _joined(
         [camera.project(vertices), lines.reshape(-1, 3)], [faces, quad_faces(len(lines))]
     )
     points[:, :2] *= samples
-    owners = [np.full(len(surface.faces), k) for k, surface in enumerate(drawn)]
-    owners.append(np.full(2 * len(lines), len(drawn)))
-    smooth = [*(surface.parts for surface in drawn), np.zeros(2 * len(lines), dtype=np.int64)]
-    parts = np.column_stack([np.concatenate(owners), np.concatenate(smooth)])
-    looks = np.column_stack(
-        [
-            linear([*(surface.colour for surface in drawn), _LINE_COLOUR]),
-            [*(surface.shade for surface in drawn), 0.0],
-        ]
-    )
+    sizes = [len(surface.faces) for surface in drawn]
+    owners = np.repeat(np.arange(len(drawn) + 1), [*sizes, len(all_faces) - len(faces)])
+    parts = np.zeros((len(all_faces), 2), dtype=np.int64)
+    parts[:, 0], parts[: len(faces), 1] = owners, np.concatenate([surface.parts for surface in drawn])
+    colours = _linear([*(surface.colour for surface in drawn), _LINE_COLOUR])
+    looks = np.column_stack([colours, [*(surface.shade for surface in drawn), 0.0]])
     nearness, shown = _rasterized(points, all_faces, (camera.size[1] * samples, camera.size[0] * samples))
     gap = 0.02 * max(container.size)
     marks = kernels.mark_edges(nearness, shown, parts, looks, gap, samples // 2)
-    skies, sky_axes = _light_maps(
-        vertices, faces[dark], around, sky_directions(quality.skies), quality.sky_map
-    )
-    sun, sun_axes = _light_maps(vertices, faces[dark], around, np.array([_SUN]), quality.sun_map)
+    dark = faces[np.repeat([surface.shadow for surface in drawn], sizes)]
+    skies, sky_axes = _light_maps(vertices, dark, around, _sky_directions(quality.skies), quality.sky_map)
+    sun, sun_axes = _light_maps(vertices, dark, around, np.array([_SUN]), quality.sun_map)
     texels = float(np.linalg.norm(np.ptp(around, axis=0))) / np.array([quality.sky_map, quality.sun_map])
     picture = kernels.shade(
         nearness,
@@ -140,15 +135,15 @@ def _box_lines(container: Container, camera: Camera) -> FloatArray:
     Strips are of equal width on the screen, thinner before the items.
     """
     corners = box_corners(container)
-    ends = camera.project(corners)[np.array(_EDGES)]
+    ends = camera.project(corners)[_EDGES]
     along = ends[:, 1, :2] - ends[:, 0, :2]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
     # An edge belongs to two sides of the box; it is before the items if the eye is beyond both, or the lid's.
     outer = (camera.eye < corners) == (corners == 0.0)
     outer[corners[:, 2] > 0.0, 2] = True
-    shared = corners[[a for a, _ in _EDGES]] == corners[[b for _, b in _EDGES]]
-    before = (outer[[a for a, _ in _EDGES]] | ~shared).all(axis=1)
+    first, second = _EDGES.T
+    before = (outer[first] | (corners[first] != corners[second])).all(axis=1)
     across *= np.where(before, 0.6, 1.0)[:, None] * max(1.0, min(camera.size) / 640) / 2
     strips = np.repeat(ends, 2, axis=1)
     strips[:, [0, 3], :2] -= across[:, None]
@@ -175,13 +170,11 @@ def _light_maps(
     """
     low, high = around.min(axis=0), around.max(axis=0)
     scale = (size - 2) / float(np.linalg.norm(high - low))
-    maps, transforms = (
-        np.empty((len(directions), size, size), dtype=np.float32),
-        np.empty((len(directions), 3, 4)),
-    )
+    maps = np.empty((len(directions), size, size), dtype=np.float32)
+    transforms = np.empty((len(directions), 3, 4))
     for index, direction in enumerate(directions):
         toward = direction / np.linalg.norm(direction)
-        across = np.cross([0.0, 1.0, 0.0] if abs(toward[1]) < 0.9 else [1.0, 0.0], toward)
+        across = np.cross([0.0, 1.0, 0.0] if abs(toward[1]) < 0.9 else [1.0, 0.0, 0.0], toward)
         across /= np.linalg.norm(across)
         axes = np.stack([across, -np.cross(toward, across), toward]) * scale
         # Heights are positive: 0 is where nothing is.
@@ -191,7 +184,7 @@ def _light_maps(
     return maps, transforms
 
 
-def sky_directions(count: int) -> FloatArray:
+def _sky_directions(count: int) -> FloatArray:
     """(d, 3) unit vectors evenly over the upper half sphere."""
     index = np.arange(count)
     z = 0.08 + 0.92 * (index + 0.5) / count
@@ -200,7 +193,7 @@ def sky_directions(count: int) -> FloatArray:
     return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
 
 
-def linear(colours: Sequence[tuple[int, int, int]]) -> FloatArray:
+def _linear(colours: Sequence[tuple[int, int, int]]) -> FloatArray:
     """(k, 3) sRGB, 0 to 255, as linear light, 0 to 1."""
     share = np.array(colours, dtype=np.float64) / 255.0
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)

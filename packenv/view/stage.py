@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -113,9 +114,6 @@ def _table(cell: Cell) -> Surface:
     base = cell.to_container(np.zeros(3))
     middle = np.array([(base[0] + length) / 2, width / 2, -_BELOW])
     radius = 0.75 * float(np.hypot(length, width)) + 0.35
-    disc = trimesh.creation.revolve([(0.0, 0.0), (radius, 0.0)][::-1], sections=48)
+    disc = trimesh.creation.revolve([(radius, 0.0), (0.0, 0.0)], sections=48)
     disc.apply_translation(middle)
-    found = surface_of(disc, _TABLE)
-    return Surface(
-        found.vertices, found.normals, found.faces, found.parts, _TABLE, _TABLE_SHADE, shadow=False
-    )
+    return replace(surface_of(disc, _TABLE), shade=_TABLE_SHADE, shadow=False)

@@ -55,7 +55,11 @@ class Surface:
 def surface_of(mesh: trimesh.Trimesh, colour: tuple[int, int, int] = (255, 255, 255)) -> Surface:
     """A mesh, smooth but for its sharp edges."""
     smooth = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
-    groups = smooth.metadata.get("original_components", [np.arange(len(smooth.faces))])
+    groups = smooth.metadata.get("original_components")
+    if groups is None:
+        # Every edge is sharp: trimesh gives back the mesh as it was.
+        smooth.unmerge_vertices()
+        groups = np.arange(len(smooth.faces))[:, None]
     parts = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     return Surface(
         np.array(smooth.vertices, dtype=np.float64),

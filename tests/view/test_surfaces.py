@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from packenv.types import Container, Pose
-from packenv.view.surfaces import box_surfaces, item_surface
+from packenv.view.surfaces import box_surfaces, item_surface, surface_of
 from tests.shapes import ball, box, cylinder
 
 
@@ -21,6 +22,26 @@ def test_flat_sides_are_sharp_and_lie_where_the_mesh_has_them() -> None:
     assert len(np.unique(surface.parts)) == 6
     expected, found = (np.sort(c.reshape(len(c), 9), axis=0) for c in (item.vertices[item.faces], corners))
     assert found == pytest.approx(expected)
+
+
+def test_a_solid_whose_every_edge_is_sharp_is_flat_on_every_side() -> None:
+    mesh = trimesh.creation.icosahedron().convex_hull
+    for solid, sides in ((trimesh.Trimesh(np.vstack([np.zeros(3), np.eye(3)])).convex_hull, 4), (mesh, 20)):
+        surface = surface_of(solid)
+        assert len(np.unique(surface.parts)) == sides
+        a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+        for k in range(3):
+            across = np.einsum("ij,ij->i", surface.normals[surface.faces[:, k]], [b - a, c - b, a - c][k])
+            assert across == pytest.approx(0.0, abs=1e-9)
+
+
+def test_faces_without_area_and_open_meshes_are_drawn_too() -> None:
+    mesh = trimesh.creation.box((0.1, 0.1, 0.1))
+    for faces in (np.vstack([mesh.faces, [[0, 0, 1], [2, 2, 2]]]), mesh.faces[:3], mesh.faces[:1]):
+        surface = surface_of(trimesh.Trimesh(mesh.vertices, faces, process=False))
+        assert len(surface.faces) == len(surface.parts) == len(faces)
+        assert len(surface.normals) == len(surface.vertices)
+        assert np.isfinite(surface.normals).all()
 
 
 def test_a_ball_is_one_smooth_part() -> None:
