@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from packenv.types import Container, Float32Array, FloatArray, IntArray
 from packenv.view.camera import Camera, in_axes
-from packenv.view.surfaces import Surface, box_corners, box_surfaces, quad_faces
+from packenv.view.surfaces import Surface, box_corners, box_surfaces
 
 Image: TypeAlias = NDArray[np.uint8]
 
@@ -65,13 +65,11 @@ def paint(
     samples = quality.samples
     drawn = [*surfaces, *box_surfaces(container)]
     vertices, faces = _joined([surface.vertices for surface in drawn], [surface.faces for surface in drawn])
-    lines = _box_lines(container, camera)
-    points, all_faces = _joined(
-        [camera.project(vertices), lines.reshape(-1, 3)], [faces, quad_faces(len(lines))]
-    )
+    strips, strip_faces = _box_lines(container, camera)
+    points, all_faces = _joined([camera.project(vertices), strips], [faces, strip_faces])
     points[:, :2] *= samples
     sizes = [len(surface.faces) for surface in drawn]
-    owners = np.repeat(np.arange(len(drawn) + 1), [*sizes, len(all_faces) - len(faces)])
+    owners = np.repeat(np.arange(len(drawn) + 1), [*sizes, len(strip_faces)])
     parts = np.zeros((len(all_faces), 2), dtype=np.int64)
     parts[:, 0], parts[: len(faces), 1] = owners, np.concatenate([surface.parts for surface in drawn])
     colours = _linear([*(surface.colour for surface in drawn), _LINE_COLOUR])
@@ -129,10 +127,11 @@ def _rasterized(
     return nearness, shown
 
 
-def _box_lines(container: Container, camera: Camera) -> FloatArray:
-    """(12, 4, 3) column, row in px and nearness of the corners of a strip for each edge of the box.
+def _box_lines(container: Container, camera: Camera) -> tuple[FloatArray, IntArray]:
+    """The box's edges as strips of equal width on the screen, thinner before the items.
 
-    Strips are of equal width on the screen, thinner before the items.
+    Returns:
+        (48, 3) column, row in px and nearness of the strips' corners, and (24, 3) faces.
     """
     corners = box_corners(container)
     ends = camera.project(corners)[_EDGES]
@@ -150,7 +149,8 @@ def _box_lines(container: Container, camera: Camera) -> FloatArray:
     strips[:, [1, 2], :2] += across[:, None]
     # Slightly nearer than the wall that it lies on.
     strips[:, :, 2] *= 1.002
-    return strips
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(strips))[:, None, None]
+    return strips.reshape(-1, 3), faces.reshape(-1, 3)
 
 
 def _light_maps(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,9 +18,6 @@ _CREASE = math.radians(38.0)
 _BOX_COLOUR = (226, 230, 236)
 # The box shows only a share of its shade: its walls are there to be glanced past.
 _WALL_SHADE, _FLOOR_SHADE = 0.4, 0.75
-# The box's faces seen from inside, as corners of the unit cube; the front and the top are open.
-_CORNER_BITS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
-_FLOOR, _WALLS = (0, 1, 3, 2), ((0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6))
 _ITEMS: WeakKeyDictionary[Item, Surface] = WeakKeyDictionary()
 
 
@@ -80,34 +78,20 @@ def item_surface(item: Item) -> Surface:
 
 def box_corners(container: Container) -> FloatArray:
     """(8, 3) corners of a container's inside, m."""
-    corners: FloatArray = _CORNER_BITS * np.array(container.size)
+    corners: FloatArray = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)]) * container.size
     return corners
 
 
+@lru_cache(maxsize=16)
 def box_surfaces(container: Container) -> tuple[Surface, Surface]:
-    """Floor and walls of a container, seen from inside alone."""
-    corners = box_corners(container)
-    return _quads(corners, (_FLOOR,), _FLOOR_SHADE), _quads(corners, _WALLS, _WALL_SHADE)
-
-
-def quad_faces(count: int) -> IntArray:
-    """(2 count, 3) two triangles for each of so many quadrilaterals, whose four corners follow one another."""
-    first = 4 * np.arange(count)[:, None, None]
-    faces: IntArray = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return faces
-
-
-def _quads(corners: FloatArray, quads: tuple[tuple[int, ...], ...], shade: float) -> Surface:
-    faces = quad_faces(len(quads))
-    vertices = corners[np.array(quads)]
-    normals = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Surface(
-        vertices.reshape(-1, 3),
-        np.repeat(normals, 4, axis=0),
-        faces,
-        np.zeros(len(faces), dtype=np.int64),
-        _BOX_COLOUR,
-        shade,
-        shadow=False,
+    """Floor and walls of a container, seen from inside alone; its top is open."""
+    box = trimesh.creation.box(bounds=np.array([np.zeros(3), container.size]))
+    box.invert()
+    up = box.face_normals[:, 2]
+    floor, walls = (
+        surface_of(box.submesh([faces], append=True), _BOX_COLOUR) for faces in (up > 0.5, up**2 < 0.5)
+    )
+    return (
+        replace(floor, shade=_FLOOR_SHADE, shadow=False),
+        replace(walls, shade=_WALL_SHADE, shadow=False),
     )
