@@ -32,9 +32,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--catalogue", default="builtin")
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument(
-        "--json", action="store_true", help="accepted for symmetry: the output is always JSON"
-    )
     arguments = parser.parse_args()
 
     grid = GridConfig(n_poses=1)

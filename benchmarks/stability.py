@@ -59,7 +59,6 @@ def main() -> int:
     parser.add_argument("--tilt", type=float, default=MarginRule.tilt_deg, help="of the margin rule, degrees")
     parser.add_argument("--mu", type=float, default=MarginRule.mu, help="friction of the margin rule")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true", help="accepted for symmetry: output is always JSON")
     arguments = parser.parse_args()
 
     grid = GridConfig()

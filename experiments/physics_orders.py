@@ -41,7 +41,6 @@ def options(description: str, *, orders: int, out: str) -> argparse.ArgumentPars
     parser.add_argument(
         "--plans", type=Path, default=Path("runs/plans"), help="folder of plans that are made once"
     )
-    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     return parser
 
 

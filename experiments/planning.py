@@ -162,7 +162,6 @@ def main() -> int:
     parser = order_options((__doc__ or "").splitlines()[0], orders=300, out="runs/planning.jsonl")
     parser.add_argument("--set", choices=("large", "small"), default="large")
     planning_options(parser, without=("heuristic", "seed"))
-    parser.add_argument("--json", action="store_true", help="accepted for symmetry: the output is JSON")
     arguments = parser.parse_args()
 
     options = options_from(arguments)

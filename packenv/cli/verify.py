@@ -46,13 +46,13 @@ def _report(found: Verification, constraints: str) -> None:
 
 
 def _report_recheck(found: Verification, constraints: str) -> None:
-    again = found.recheck
-    for step in again.unstable_steps:
+    recheck = found.recheck
+    for step in recheck.unstable_steps:
         say(f"unstable: the pile does not stand at step {step}")
-    for step in again.unreachable_steps:
+    for step in recheck.unreachable_steps:
         say(f"unreachable: the robot cannot place step {step}")
-    reach = f", {len(again.unreachable_steps)} unreachable" if constraints == "robot" else ""
-    say(f"every step checked again: {len(again.unstable_steps)} unstable{reach}")
+    reach = f", {len(recheck.unreachable_steps)} unreachable" if constraints == "robot" else ""
+    say(f"every step checked again: {len(recheck.unstable_steps)} unstable{reach}")
 
 
 def _report_findings(report: AuditReport, how: str = "") -> None:

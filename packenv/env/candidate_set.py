@@ -109,21 +109,21 @@ def _chosen(
         after.append(0 if first is None else first + 1)
     if total <= size:
         return list(range(total))
-    for index in _in_turn([walk[start:] for walk, start in zip(walks, after, strict=True)]):
+    for index in _interleaved([walk[start:] for walk, start in zip(walks, after, strict=True)]):
         if len(kept) >= (size + len(walks)) // 2:
             break
         kept[index] = None
     spread = _spread(candidates, scores[:, 0])
     for index in spread[np.linspace(0, len(spread) - 1, size - len(kept)).astype(np.int64)].tolist():
         kept[index] = None
-    for index in _in_turn(walks):
+    for index in _interleaved(walks):
         if len(kept) >= size:
             break
         kept[index] = None
     return list(kept)
 
 
-def _in_turn(walks: Sequence[IntArray]) -> Iterator[int]:
+def _interleaved(walks: Sequence[IntArray]) -> Iterator[int]:
     """The first of each walk, the second of each, and so on."""
     for k in range(max(map(len, walks), default=0)):
         for walk in walks:

@@ -1,4 +1,4 @@
-"""One order on its way into one container: turns, candidates, placements."""
+"""One order on its way into one container: sequence, candidates, placements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
 from packenv.planning.search.heuristics import HEURISTICS
 from packenv.planning.search.orientations import OrientationMemory, perturbations
-from packenv.planning.sequence import Piece, Turns, pieces_of
+from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement, Pose
 
 MAPS_MEMORY = 48 * 2**20
@@ -86,7 +86,7 @@ class Episode:
         online = config.arrivals == "online"
         if not online and config.sequence == "volume":
             names = by_box_volume(names, self.shelf.prepared)
-        self.turns = Turns(
+        self.sequence = PackingSequence(
             pieces_of(names), buffer=config.buffer if online else None, fallback=config.fallback
         )
         self.constraints = rules.constraints(container)
@@ -116,14 +116,14 @@ class Episode:
 
     @property
     def current(self) -> PreparedItem | None:
-        """The item whose turn it is."""
-        piece = self.turns.current
+        """The item to be placed now."""
+        piece = self.sequence.current
         return None if piece is None else self.shelf.prepared[piece.item]
 
     @property
     def perturbed(self) -> bool:
         """Whether the offered candidates are of perturbed orientations."""
-        return self.config.arrivals == "offline" and self.turns.stage == 2
+        return self.config.arrivals == "offline" and self.sequence.stage == 2
 
     @property
     def inside(self) -> list[Placement]:
@@ -138,7 +138,7 @@ class Episode:
 
     def place(self, row: int) -> Landing:
         """Place the current item at the candidate of a row of the offered set, which must be valid."""
-        offered, piece = self.offered, self.turns.current
+        offered, piece = self.offered, self.sequence.current
         assert offered is not None
         assert piece is not None
         index = int(offered.chosen[row])
@@ -150,21 +150,21 @@ class Episode:
             offered.inquiry.verdicts(trial),
             score=float(offered.scores[row, 0]),
             candidates=len(offered.candidates),
-            route=_ROUTES[self.turns.stage],
+            route=_ROUTES[self.sequence.stage],
             checked=offered.inquiry.asked,
         )
         landing = self.arrangement.place(placement, pile)
         self.placements.append(placement)
-        self.turns.placed()
+        self.sequence.placed()
         self.outside, self.collided = landing.outside, landing.collided
         if landing.collided or landing.lost:
-            self.turns.abandon()
+            self.sequence.abandon()
         self._advance()
         return landing
 
     def defer(self) -> None:
         """Let the current item wait, or try its next orientations."""
-        self.turns.defer()
+        self.sequence.defer()
         self._after_deferring()
         self._advance()
 
@@ -178,7 +178,7 @@ class Episode:
         """The pieces that were left over."""
         return tuple(
             Leftover(p.item, p.instance, "given-up", f"no candidate of {p.item} was taken")
-            for p in self.turns.left_over
+            for p in self.sequence.left_over
         )
 
     def view(self) -> View:
@@ -189,12 +189,12 @@ class Episode:
             heights=self.arrangement.pile.surface.heights,
             current=self.current,
             offered=self.offered,
-            items=[self._item_view(piece) for piece in self.turns.seen[: self.config.max_items]],
+            items=[self._item_view(piece) for piece in self.sequence.seen[: self.config.max_items]],
             perturbed=self.perturbed,
             utilization=self.utilization,
             packed_share=len(self.inside) / total,
-            left_share=self.turns.waiting / total,
-            stage=self.turns.stage,
+            left_share=self.sequence.waiting / total,
+            stage=self.sequence.stage,
         )
 
     def scene(self) -> tuple[list[tuple[Item, Pose]], FloatArray | None]:
@@ -215,7 +215,7 @@ class Episode:
     def _item_view(self, piece: Piece) -> ItemView:
         prepared, item = self.shelf.prepared[piece.item], self.shelf.items[piece.item]
         extents = prepared.orientations[0].extents
-        return ItemView(extents, item.volume, item.mass, self.turns.was_deferred(piece))
+        return ItemView(extents, item.volume, item.mass, self.sequence.was_deferred(piece))
 
     def _memory(self) -> Memory | None:
         """What other orders asked of the empty container; own constraints may answer each order otherwise."""
@@ -224,16 +224,16 @@ class Episode:
         return self.rules.memory(self.container)
 
     def _after_deferring(self) -> None:
-        if self.turns.left_over and self.config.on_infeasible == "terminate":
-            self.turns.abandon()
+        if self.sequence.left_over and self.config.on_infeasible == "terminate":
+            self.sequence.abandon()
 
     def _advance(self) -> None:
         """Go on to the next item, or group of orientations, that offers a valid candidate."""
         self.offered = None
-        while (piece := self.turns.current) is not None:
+        while (piece := self.sequence.current) is not None:
             group = self._orientations(piece)
             if group is None:
-                self.turns.give_up()
+                self.sequence.give_up()
             else:
                 offered = choose(
                     group,
@@ -248,12 +248,12 @@ class Episode:
                 if offered is not None and offered.valid.any():
                     self.offered = offered
                     return
-                self.turns.defer()
+                self.sequence.defer()
             self._after_deferring()
 
     def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
         """The next ones to try of a piece; None where there are no more."""
-        if self.config.arrivals == "online" or self.turns.stage == 0:
+        if self.config.arrivals == "online" or self.sequence.stage == 0:
             return self.shelf.prepared[piece.item].orientations
         if piece != self._groups_of:
             self._groups_of = piece

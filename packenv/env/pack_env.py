@@ -254,7 +254,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment again, and play the episode up to where it was."""
+        """Make the environment again, and repeat the episode up to where it was."""
         config, order_generator, reward_fn, render_mode = state["choices"]
         PackEnv.__init__(
             self, config, order_generator=order_generator, reward_fn=reward_fn, render_mode=render_mode
@@ -298,8 +298,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
     def _outcome(self, invalid: bool, placed: int, before: frozenset[int] | None) -> Outcome:
         """What came of an action; ``before`` tells what was outside before it, None before any action."""
         episode = self._running()
-        turns, container = episode.turns, episode.container
-        gone = 0 if before is None else len(turns.left_over) - self._left_over_told
+        sequence, container = episode.sequence, episode.container
+        gone = 0 if before is None else len(sequence.left_over) - self._left_over_told
         self._left_over_told += gone
         before = before or frozenset()
 
@@ -326,21 +326,21 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
     def _info(self, invalid: bool, landing: Landing, outcome: Outcome) -> dict[str, Any]:
         episode = self._running()
-        turns = episode.turns
-        current = turns.current
+        sequence = episode.sequence
+        current = sequence.current
         return {
             "action_mask": episode.mask(),
             "invalid_action": invalid,
             "utilization": episode.utilization,
             "packed_items": len(episode.inside),
-            "items_left": turns.waiting,
+            "items_left": sequence.waiting,
             "item": None if current is None else current.item,
             "container": episode.container.label,
-            "stage": turns.stage,
+            "stage": sequence.stage,
             "drop": landing.drop,
             "shift": landing.shift,
             "collision": episode.collided,
             "outside": [episode.placements[k].item for k in sorted(episode.outside)],
-            "left_over": [piece.item for piece in turns.left_over],
+            "left_over": [piece.item for piece in sequence.left_over],
             **{f"reward_{name}": float(term) for name, term in self._reward(outcome).items()},
         }

@@ -11,12 +11,12 @@ import numpy as np
 
 from packenv.geometry.transforms import angle_between
 from packenv.planning.assembly import (
-    EACH_WARY,
+    EACH_WITH_MARGIN,
     PlanningItems,
     as_paper,
     assemble,
     clearances,
-    wary,
+    with_margin,
 )
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.options import PlanOptions
@@ -47,8 +47,8 @@ STRICT = DropRule()
 """The item comes to rest where it was planned."""
 LENIENT = DropRule("lenient", shift=0.04, sink=0.04, turn=math.pi, nudge=0.01)
 """The item comes to rest near its place and leaves the others where they are: for those that come last."""
-ANYHOW = DropRule("anyhow", math.inf, math.inf, math.inf, math.inf, restless=True)
-"""Whatever comes of it, inside the container."""
+INSIDE = DropRule("inside", math.inf, math.inf, math.inf, math.inf, restless=True)
+"""The item comes to rest anywhere inside the container."""
 
 _STILL = 1e-4
 """Items that a drop moves by less than this keep their place in the heightmap, m."""
@@ -58,7 +58,7 @@ _DROPPED = 30
 _EACH_DROPPED = 3
 """Most of them at one orientation."""
 
-_RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, ANYHOW.name: 2.0}
+_RISKS = {STRICT.name: 0.0, LENIENT.name: 1.0, INSIDE.name: 2.0}
 """How bad a placement under a rule is."""
 _TIGHT = 5.0
 """How much worse it is without the clearance that was asked for: a robot that is off by 2 mm collides."""
@@ -204,11 +204,11 @@ def make_planner(
     scratch = Scratch(container, world or WorldConfig())
     strict = PhysicsConstraint(physics, scratch, items.shapes)
     lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, EXACT)
-    anyhow = PhysicsConstraint(physics, scratch, items.shapes, ANYHOW, EXACT)
-    careful, levels = wary(planner.constraints), clearances(options.clearance, options.grid)
+    inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, EXACT)
+    careful, levels = with_margin(planner.constraints), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:
-        return Tier(cells, careful, each=EACH_WARY, risk=_risk(cells, strict))
+        return Tier(cells, careful, each=EACH_WITH_MARGIN, risk=_risk(cells, strict))
 
     def tried(cells: int, last: PhysicsConstraint) -> Tier:
         return Tier(cells, {last.name: last}, _DROPPED, _EACH_DROPPED, _risk(cells, last))
@@ -220,8 +220,8 @@ def make_planner(
     roomy = [
         tier for cells in levels[:-1] for tier in (margin(cells), tried(cells, strict), tried(cells, lenient))
     ]
-    roomy += [tried(cells, anyhow) for cells in levels[:-1]]
-    whatever = Tier(0, {anyhow.name: anyhow}, risk=_risk(0, anyhow))
+    roomy += [tried(cells, inside) for cells in levels[:-1]]
+    whatever = Tier(0, {inside.name: inside}, risk=_risk(0, inside))
     tight = [margin(0), tried(0, strict), tried(0, lenient), whatever]
     first = [tier for cells in levels[:-1] or (0,) for tier in (margin(cells), tried(cells, strict))]
     unasked = Unasked()
@@ -230,7 +230,7 @@ def make_planner(
         first=first,
         fallback=(roomy, tight) if roomy else (tight,),
         # An order that does not fit with room to spare may fit without.
-        again=(*first, margin(0), tried(0, strict)) if roomy else None,
+        restart_tiers=(*first, margin(0), tried(0, strict)) if roomy else None,
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
         last_resorts=((whatever,), *as_paper(levels, {unasked.name: unasked})),
     )

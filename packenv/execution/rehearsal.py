@@ -89,7 +89,7 @@ class Rehearsal:
         arm = self.urdf if any(task.joints is not None for task in tasks) else None
         return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
 
-    def astray(self, execution: Execution) -> frozenset[str]:
+    def blamed_items(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
 
         What is away from its place; where nothing that was met is, what met it; what sticks out, and where
@@ -188,7 +188,7 @@ class _Tried:
     how: str
     packing: Packing
     executions: dict[int, Execution] = field(default_factory=dict)
-    astray: frozenset[str] = frozenset()
+    blamed_items: frozenset[str] = frozenset()
     flawless: bool = False
 
     @property
@@ -213,9 +213,9 @@ class _Search:
     tried: list[_Tried] = field(default_factory=list)
 
     @property
-    def astray(self) -> frozenset[str]:
+    def blamed_items(self) -> frozenset[str]:
         """What went wrong in the last plan."""
-        return self.tried[-1].astray
+        return self.tried[-1].blamed_items
 
     def pack(self, planner: Planner, sequence: list[str] | None = None) -> Packing:
         """Plan."""
@@ -231,7 +231,7 @@ class _Search:
         for world in range(self.rehearsal.worlds):
             execution = self.carry_out(found, world)
             if not execution.success:
-                found.astray = self.rehearsal.astray(execution)
+                found.blamed_items = self.rehearsal.blamed_items(execution)
                 return False
         found.flawless = not packing.improvable
         return found.flawless
@@ -245,14 +245,14 @@ class _Search:
     ) -> Iterator[_Named]:
         """Plans in the sequence in which they are worth a rehearsal, which comes between them."""
         yield ("running", running) if running is not None else self.own(planner, first)
-        blamed = self.astray
+        blamed = self.blamed_items
         for number, spare in enumerate(spares, start=1):
             yield f"spare {number} {name_of(spare.heuristic)}", self.pack(spare)
-            variants = self.variants(spare, self.astray)
+            variants = self.variants(spare, self.blamed_items)
             yield from ((f"spare {number} {how}", packing) for how, packing in variants)
         if running is not None:
             yield self.own(planner, first)
-            blamed = self.astray
+            blamed = self.blamed_items
         if running is None or not spares:
             yield from self.variants(planner, blamed)
 
@@ -279,7 +279,7 @@ class _Search:
                 return
             known.add(tuple(sequence))
             yield f"{name_of(planner.heuristic)} late", self.pack(straight, sequence)
-            late |= self.astray
+            late |= self.blamed_items
 
     def result(self, running: Packing | None) -> Rehearsed:
         """The best plan."""

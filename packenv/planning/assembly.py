@@ -29,7 +29,7 @@ from packenv.types import Container, Item, OrientedItem
 
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
-EACH_WARY = 12
+EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
 
@@ -73,7 +73,7 @@ def clearances(clearance: float, grid: GridConfig) -> tuple[int, ...]:
     return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
-def wary(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
+def with_margin(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
     """The stability constraint among them, on the same states, that also asks a new item for a margin."""
     return {c.name: replace(c, alone=MARGIN) for c in constraints if isinstance(c, StabilityConstraint)}
 
@@ -234,10 +234,10 @@ def _cautious(
     An order that leaves something over is planned again with those items first, with or without a margin, and
     in the end as without this preference.
     """
-    careful = wary(constraints)
+    careful = with_margin(constraints)
 
     def margin(cells: int) -> Tier:
-        return Tier(cells, careful, each=EACH_WARY)
+        return Tier(cells, careful, each=EACH_WITH_MARGIN)
 
     def both(cells: int) -> tuple[Tier, Tier]:
         return margin(cells), Tier(cells)
@@ -249,6 +249,6 @@ def _cautious(
         strategy,
         first=tuple(margin(cells) for cells in levels[:-1] or (0,)),
         fallback=(roomy, tight) if roomy else (tight,),
-        again=(*roomy, *tight),
+        restart_tiers=(*roomy, *tight),
         last_resorts=as_paper(levels),
     )

@@ -93,14 +93,14 @@ class Inquiry:
         self._objected: dict[bytes, bool] = {}
 
     def objected(self, oriented: OrientedItem) -> bool:
-        """Whether a constraint rules the whole orientation out: it then takes no candidate's turn."""
-        turn = oriented.rotation.tobytes()
-        known = self._objected.get(turn)
+        """Whether a constraint rules the whole orientation out: its candidates are then not checked."""
+        rotation = oriented.rotation.tobytes()
+        known = self._objected.get(rotation)
         if known is None:
             reason = objection(self.constraints, oriented)
             if reason is not None:
                 self.rejections[f"{ORIENTATION}{reason}"] += 1
-            known = self._objected[turn] = reason is not None
+            known = self._objected[rotation] = reason is not None
         return known
 
     def was_objected(self, oriented: OrientedItem) -> bool:

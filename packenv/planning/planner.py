@@ -21,7 +21,7 @@ from packenv.planning.search.candidates import Candidates, grid_search
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
-from packenv.planning.sequence import Piece, Turns, pieces_of
+from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
@@ -128,14 +128,16 @@ class Planner:
             if not late or tuple(sequence) in tried:
                 break
             tried.add(tuple(sequence))
-            first = strategy.first if strategy.again is None or best.complete else strategy.again
+            first = (
+                strategy.first if strategy.restart_tiers is None or best.complete else strategy.restart_tiers
+            )
             again = replace(self, strategy=replace(strategy, first=first))
             last = _Run(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable:
                 break
-            resort = replace(strategy, first=tiers, fallback=(tiers,), again=None, last_resorts=())
+            resort = replace(strategy, first=tiers, fallback=(tiers,), restart_tiers=None, last_resorts=())
             found = replace(self, strategy=resort).pack(given, items, container, start)
             if len(found.placements) > len(best.placements):
                 best = found
@@ -174,17 +176,17 @@ class _Run:
         pieces = pieces_of(sequence)
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
-        turns = Turns(pieces)
+        waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
-        while (piece := turns.current) is not None:
-            if turns.stage == 0:
+        while (piece := waiting.current) is not None:
+            if waiting.stage == 0:
                 rejected = self.first_pass(piece)
                 if rejected is not None:
                     rejections[piece] = rejected
                     if self.planner.give_up and not self.fits_alone(piece.item):
                         return self.given_up(pieces, f"{piece.item} does not fit the empty container")
-                    turns.defer()
+                    waiting.defer()
                     continue
             else:
                 rejected = self.fall_back(piece, rejections[piece])
@@ -192,9 +194,9 @@ class _Run:
                     leftovers.append(self.leftover(self.items[piece.item], piece, rejected))
                     if self.planner.give_up:
                         return self.given_up(pieces, leftovers[0].detail)
-                    turns.give_up()
+                    waiting.give_up()
                     continue
-            turns.placed()
+            waiting.placed()
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(
@@ -281,13 +283,13 @@ class _Run:
         planner = self.planner
         scores = planner.heuristic(candidates, self.rng)
         rules = tier.rules(planner.constraints)
-        in_turn: Iterable[int]
+        to_check: Iterable[int]
         if planner.search == "5d":
-            in_turn = self.turns(candidates, scores, inquiry)
+            to_check = self.ranked_late(candidates, scores, inquiry)
         else:
             free = still_open(candidates, inquiry.refused(rules))
-            in_turn = in_tier(candidates, scores, tier, self.most(tier), free)
-        for index in in_turn:
+            to_check = in_tier(candidates, scores, tier, self.most(tier), free)
+        for index in to_check:
             trial = candidates.trial(index)
             answer = inquiry.ask(trial, rules)
             if not answer.ok:
@@ -317,7 +319,7 @@ class _Run:
             return True
         return False
 
-    def turns(self, candidates: Candidates, scores: FloatArray, inquiry: Inquiry) -> Iterator[int]:
+    def ranked_late(self, candidates: Candidates, scores: FloatArray, inquiry: Inquiry) -> Iterator[int]:
         """As :meth:`ranked`, but whole orientations are ruled out only when a candidate of theirs comes up.
 
         Of the hundreds of orientations of the 5D search, few own one of the best candidates, and an

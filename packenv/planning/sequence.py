@@ -1,4 +1,4 @@
-"""Whose turn it is: the sequence of an episode, and what becomes of deferred items (paper Alg. 4)."""
+"""Which piece comes next: the sequence of an episode, and what becomes of deferred items (paper Alg. 4)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def pieces_of(names: Iterable[str]) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-class Turns:
+class PackingSequence:
     """Hands out the pieces one after another.
 
     *Offline* all pieces are there from the start. In the first pass (stage 0) a deferred piece goes to the
@@ -61,7 +61,7 @@ class Turns:
 
     @property
     def current(self) -> Piece | None:
-        """The piece whose turn it is; None at the end."""
+        """The piece to be placed now; None at the end."""
         line = self._line or self._again
         return line[0] if line else None
 

@@ -48,7 +48,7 @@ class Strategy:
         fallback: tiers of the fallback, one set after another: each is tried on the stable poses, its last
             tier also on the perturbed ones. None makes one pass with those of the first.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
-        again: tiers of the first pass of such a restart while the packing is incomplete; None takes ``first``.
+        restart_tiers: tiers of the first pass of such a restart while the packing is incomplete; None takes ``first``.
         last_resorts: tiers of more plans, with restarts of their own, of the sequence as it was given: one
             after another until one has placed every item, where restarts are allowed and none did. Such a
             plan has to place more items than those before it.
@@ -58,7 +58,7 @@ class Strategy:
     first: Sequence[Tier] = (Tier(),)
     fallback: Sequence[Sequence[Tier]] | None = None
     restarts: int = 0
-    again: Sequence[Tier] | None = None
+    restart_tiers: Sequence[Tier] | None = None
     last_resorts: Sequence[Sequence[Tier]] = ()
     clearance: int = 0
 

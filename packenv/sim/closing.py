@@ -17,7 +17,7 @@ class Closing(ABC):
         """Free the engine's memory."""
 
     def __enter__(self: _T) -> _T:
-        """Itself."""
+        """Return the object itself."""
         return self
 
     def __exit__(

@@ -87,11 +87,9 @@ def box_surfaces(container: Container) -> tuple[Surface, Surface]:
     """Floor and walls of a container, seen from inside alone; its top is open."""
     box = trimesh.creation.box(bounds=np.array([np.zeros(3), container.size]))
     box.invert()
-    up = box.face_normals[:, 2]
-    floor, walls = (
-        surface_of(box.submesh([faces], append=True), _BOX_COLOUR) for faces in (up > 0.5, up**2 < 0.5)
-    )
+    z = box.triangles_center[:, 2] / container.height
+    floor, walls = (box.submesh([faces], append=True) for faces in (z < 0.1, (z > 0.1) & (z < 0.9)))
     return (
-        replace(floor, shade=_FLOOR_SHADE, shadow=False),
-        replace(walls, shade=_WALL_SHADE, shadow=False),
+        replace(surface_of(floor, _BOX_COLOUR), shade=_FLOOR_SHADE, shadow=False),
+        replace(surface_of(walls, _BOX_COLOUR), shade=_WALL_SHADE, shadow=False),
     )

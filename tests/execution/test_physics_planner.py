@@ -10,7 +10,7 @@ import pytest
 
 from packenv.config import GridConfig
 from packenv.execution.closed_loop import _still_good, run_closed_loop
-from packenv.execution.physics_planner import ANYHOW, EXACT, PhysicsConstraint, Scratch, make_planner
+from packenv.execution.physics_planner import EXACT, INSIDE, PhysicsConstraint, Scratch, make_planner
 from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.heightmaps import orient_item
 from packenv.io.assets import robot_urdf
@@ -204,7 +204,7 @@ def test_what_a_drop_moved_is_in_the_heightmap_where_it_lies_now() -> None:
     items = {item.name: item for item in (box(0.03, 0.03, 0.15, "tower"), box(0.12, 0.10, 0.05, "slab"))}
     bodies = {name: convex(item) for name, item in items.items()}
     scratch = Scratch(BOX, WorldConfig())
-    constraint = PhysicsConstraint(bodies, scratch, items, ANYHOW, EXACT)
+    constraint = PhysicsConstraint(bodies, scratch, items, INSIDE, EXACT)
     tower = Resting(items["tower"], np.eye(3), np.array([0.1, 0.1, 0.0]))
     before = measured_map(BOX, GRID.cell_size, [tower])
     slab = orient_item(items["slab"], np.eye(3), cell_size=GRID.cell_size)

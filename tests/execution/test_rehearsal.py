@@ -94,7 +94,7 @@ def test_all_alternatives_are_tried_before_it_gives_in(
         return Execution(success, None, last[number], (), (), 0.0)
 
     monkeypatch.setattr(Rehearsal, "execution", execution)
-    monkeypatch.setattr(Rehearsal, "astray", lambda _, execution: frozenset({execution.detail}))
+    monkeypatch.setattr(Rehearsal, "blamed_items", lambda _, execution: frozenset({execution.detail}))
     done = rehearsed(planner, shelf, physics, worlds=3)
     assert (done.plans, done.worlds, done.survived) == (len(ALTERNATIVES) + LATER, 3, 2)
     assert done.packing is seen[2]
@@ -180,18 +180,18 @@ def test_who_is_to_blame() -> None:
         return execution
 
     first = by_hand(bricks["first"], (0.1, 0.1, 0.0))
-    assert stage.astray(failed(first, by_hand(bricks["second"], (0.15, 0.1, 0.0)))) == {"second"}
+    assert stage.blamed_items(failed(first, by_hand(bricks["second"], (0.15, 0.1, 0.0)))) == {"second"}
     away = by_hand(bricks["first"], (0.02, 0.1, 0.0), slipped(0.03, 0.0))
-    assert stage.astray(failed(away, by_hand(bricks["second"], (0.13, 0.1, 0.0)))) == {"first"}
+    assert stage.blamed_items(failed(away, by_hand(bricks["second"], (0.13, 0.1, 0.0)))) == {"first"}
     high = brick(0.1, 0.1, 0.33, "first")
     execution = failed(by_hand(high, (0.1, 0.1, 0.0)))
-    assert replace(stage, physics={"first": high}).astray(execution) == {"first"}
+    assert replace(stage, physics={"first": high}).blamed_items(execution) == {"first"}
     lying = (Lying(high, execution.final[0]),)
     beside = failed(by_hand(bricks["second"], (0.0, 0.0, 0.0)), lying=lying)
     known = replace(stage, lying=lying)
-    assert known.astray(beside) == set()
+    assert known.blamed_items(beside) == set()
     pushed = replace(beside, items=(replace(beside.items[0], moved=(0,)),))
-    assert known.astray(pushed) == {"second"}
+    assert known.blamed_items(pushed) == {"second"}
 
 
 def test_an_incomplete_plan_gives_way_to_a_fuller_one(

@@ -141,7 +141,7 @@ law = settings(max_examples=30, deadline=None, derandomize=True, database=None)
 
 
 def random_pair(name_a: str, name_b: str, seed: int, reach: float = 0.06) -> tuple[Posed, Posed]:
-    """Two shapes anyhow turned, their origins at most ``reach`` apart."""
+    """Two shapes turned at random, their origins at most ``reach`` apart."""
     rng = np.random.default_rng(seed)
     centre = rng.normal(size=3) * 0.1
     offset = unit(rng.normal(size=(1, 3)))[0] * rng.uniform(0.0, reach)

@@ -777,7 +777,7 @@ def test_details_of_a_step(shelf: ItemShelf) -> None:
 
 
 def test_a_ball_on_a_flat_floor_stands_for_the_paper_and_not_with_a_margin(shelf: ItemShelf) -> None:
-    """DESIGN: the paper's check is too optimistic, "especially for balls".
+    """The paper's check is too optimistic for balls: a push rolls them away.
 
     Away from the walls: in a corner, friction between two walls and the floor can hold a ball, and both rules
     accept it.

@@ -371,7 +371,7 @@ def test_the_paper_s_planner_has_one_pass_with_its_fallback_and_no_more() -> Non
     (tier,) = made.strategy.first
     assert tier.rules(made.constraints) == tuple(made.constraints)
     assert (tier.clearance, tier.each, tier.max_checked, tier.risk) == (0, None, None, 0.0)
-    assert (made.strategy.fallback, made.strategy.again) == (None, None)
+    assert (made.strategy.fallback, made.strategy.restart_tiers) == (None, None)
     assert (made.strategy.restarts, list(made.strategy.last_resorts), made.strategy.clearance) == (0, [], 0)
     assert made.perturbations is not None
     assert (made.search, made.max_checked, made.give_up) == ("3d", 100, False)

@@ -69,9 +69,14 @@ def test_a_surface_is_kept_and_moved_by_copies() -> None:
     assert item_surface(item) is surface
 
 
-def test_the_box_is_seen_from_inside() -> None:
+def test_the_box_is_open_above_and_seen_from_inside() -> None:
     container = Container(0.3, 0.2, 0.1)
-    for surface in box_surfaces(container):
+    floor, walls = box_surfaces(container)
+    for surface, area in ((floor, 0.06), (walls, 0.1)):
+        mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+        assert mesh.area == pytest.approx(area)
+        assert (mesh.triangles_center[:, 2] == 0.0).all() == (surface is floor)
+        assert (mesh.triangles_center[:, 2] < 0.09).all()
         middle = surface.vertices[surface.faces].mean(axis=1)
         inward = np.array(container.size) / 2 - middle
         assert (np.einsum("ij,ij->i", surface.normals[surface.faces[:, 0]], inward) > 0).all()

@@ -45,7 +45,7 @@ class TranslationGrid:
         surface: PolyphaseMap,
         oriented: OrientedItem,
         spread: PolyphaseMap | None = None,
-        play: float = 0.0,
+        lift: float = 0.0,
     ) -> TranslationGrid | None:
         """Lowest z everywhere and which translations are legal; None where the footprint never fits.
 
@@ -53,8 +53,8 @@ class TranslationGrid:
             surface: the container's map.
             oriented: the item at its orientation.
             spread: the map with its heights spread sideways (:meth:`ContainerMap.spread`): a translation is
-                then legal only where the item clears this one too when it is lifted by ``play``.
-            play: m.
+                then legal only where the item clears this one too when it is lifted by ``lift``.
+            lift: m.
         """
         w, h = oriented.top.shape
         nx, ny = surface.source.heights.shape
@@ -74,7 +74,7 @@ class TranslationGrid:
         if spread is not None:
             higher = np.empty_like(z)
             kernels.lowest_z(spread.heights, offsets, bottoms, n, higher)
-            fits &= higher <= z + np.float32(play)
+            fits &= higher <= z + np.float32(lift)
         legal = np.flatnonzero(fits)
         inside = legal[legal % stride < along]
         return cls(oriented, surface, n, offsets, bottoms, z, inside)
@@ -137,7 +137,7 @@ def grid_search(
     orientations: Sequence[OrientedItem],
     step: int,
     clearance: int = 0,
-    play: float = 0.0,
+    lift: float = 0.0,
 ) -> Candidates:
     """Find every legal candidate of an item (paper Alg. 2).
 
@@ -147,13 +147,13 @@ def grid_search(
         surface: the container heightmap.
         orientations: the item at every orientation to try; at least one.
         step: cells between tried translations.
-        clearance: cells by which the item may be off sideways, lifted by ``play``, and still meet nothing;
+        clearance: cells by which the item may be off sideways, lifted by ``lift``, and still meet nothing;
             0 asks for non-overlap alone (the paper).
-        play: m.
+        lift: m.
     """
     polyphase = PolyphaseMap(surface, step)
     spread = PolyphaseMap(surface.spread(clearance), step) if clearance else None
-    found = (TranslationGrid.search(polyphase, oriented, spread, play) for oriented in orientations)
+    found = (TranslationGrid.search(polyphase, oriented, spread, lift) for oriented in orientations)
     grids = tuple(grid for grid in found if grid is not None)
     counts = [len(grid.legal) for grid in grids]
     legal = np.concatenate([grid.legal for grid in grids] or [np.empty(0, dtype=np.int64)])

@@ -41,7 +41,7 @@ class ContainerMap:
         return cls(container, cell_size, np.zeros(shape, dtype=np.float32))
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
-        """The map after an item is placed (paper Sec. IV-B, update rule, errata of DESIGN applied).
+        """The map after an item is placed (paper Sec. IV-B, update rule, whose y + i is y + j).
 
         Args:
             oriented: the item at its orientation.

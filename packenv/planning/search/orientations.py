@@ -60,17 +60,17 @@ def perturbations(
     memory = memory or RECENT
     kept = memory.of(item)
     recipe = (grid.n_yaws, *(pose.rotation.tobytes() for pose in poses))
-    groups = kept.turns.get(recipe)
+    groups = kept.rotations.get(recipe)
     if groups is None:
-        groups = kept.turns[recipe] = _turns(item, poses, grid.n_yaws)
+        groups = kept.rotations[recipe] = _rotations(item, poses, grid.n_yaws)
     largest = np.add(size, 1e-9)
     for group in groups:
-        fitting = [turn for turn in group if not np.any(turn.extents > largest)]
-        yield tuple(memory.orient(item, turn, grid.cell_size) for turn in fitting)
+        fitting = [rotated for rotated in group if not np.any(rotated.extents > largest)]
+        yield tuple(memory.orient(item, rotated, grid.cell_size) for rotated in fitting)
 
 
 @dataclass(frozen=True, eq=False)
-class _Turn:
+class _Rotation:
     """An orientation of the grid before it has maps; ``extents`` (3,) are those of its bounding box, m."""
 
     rotation: FloatArray
@@ -79,10 +79,10 @@ class _Turn:
     extents: FloatArray
 
 
-_Groups: TypeAlias = tuple[tuple[_Turn, ...], ...]
+_Groups: TypeAlias = tuple[tuple[_Rotation, ...], ...]
 
 
-def _turns(item: Item, poses: Sequence[StablePose], n_yaws: int) -> _Groups:
+def _rotations(item: Item, poses: Sequence[StablePose], n_yaws: int) -> _Groups:
     """The grid of Alg. 4, one group for each offset, every rotation once."""
     from scipy.spatial import ConvexHull  # a third of a second, and most plans need no fallback
 
@@ -105,15 +105,15 @@ def _turns(item: Item, poses: Sequence[StablePose], n_yaws: int) -> _Groups:
                         found[-1].append((rotation, index, yaw))
     axes = np.concatenate([rotation for group in found for rotation, _, _ in group])
     extents = iter(np.ptp(outline @ axes.T, axis=0).reshape(-1, 3))
-    return tuple(tuple(_Turn(*turn, next(extents)) for turn in group) for group in found)
+    return tuple(tuple(_Rotation(*rotated, next(extents)) for rotated in group) for group in found)
 
 
 @dataclass(eq=False)
 class _Kept:
     """What is remembered of one item."""
 
-    turns: dict[tuple[object, ...], _Groups] = field(default_factory=dict)
-    maps: dict[tuple[_Turn, float], OrientedItem] = field(default_factory=dict)
+    rotations: dict[tuple[object, ...], _Groups] = field(default_factory=dict)
+    maps: dict[tuple[_Rotation, float], OrientedItem] = field(default_factory=dict)
     bytes: int = 0
     used: int = 0
 
@@ -140,17 +140,17 @@ class OrientationMemory:
         """Of the heightmaps that are kept."""
         return sum(kept.bytes for kept in self._items.values())
 
-    def orient(self, item: Item, turn: _Turn, cell_size: float) -> OrientedItem:
+    def orient(self, item: Item, rotated: _Rotation, cell_size: float) -> OrientedItem:
         """The item with its maps, made where they are not kept."""
         kept = self.of(item)
-        oriented = kept.maps.get((turn, cell_size))
+        oriented = kept.maps.get((rotated, cell_size))
         if oriented is None:
             oriented = orient_item(
-                item, turn.rotation, cell_size=cell_size, pose_index=turn.pose_index, yaw=turn.yaw
+                item, rotated.rotation, cell_size=cell_size, pose_index=rotated.pose_index, yaw=rotated.yaw
             )
             needed = oriented.top.nbytes + oriented.bottom.nbytes
             if self._make_room(needed, kept):
-                kept.maps[turn, cell_size] = oriented
+                kept.maps[rotated, cell_size] = oriented
                 kept.bytes += needed
                 self._at_most += needed
         return oriented

@@ -62,7 +62,7 @@ def _facing(record, kind, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @compiled
 def touches(  # type: ignore[no-untyped-def]
-    records, kinds, starts, spheres, turn, shift,
+    records, kinds, starts, spheres, rotation, shift,
     vertices, faces, normals, neighbours, boxes, origin, h, distance, threshold, rows,
 ):  # fmt: skip
     """Contacts of one body's samples with another body's faces and edges.
@@ -72,7 +72,7 @@ def touches(  # type: ignore[no-untyped-def]
         kinds: as in :class:`packenv.geometry.surface_samples.Samples`.
         starts: likewise.
         spheres: likewise.
-        turn: (3, 3) its frame to the other's.
+        rotation: (3, 3) its frame to the other's.
         shift: (3,) likewise, m.
         vertices: of the other body, as in :class:`packenv.geometry.distance_grids.SurfaceField`.
         faces: likewise.
@@ -104,27 +104,27 @@ def touches(  # type: ignore[no-untyped-def]
         for axis in range(3):
             c = shift[axis]
             for other in range(3):
-                c += turn[axis, other] * spheres[block, other]
+                c += rotation[axis, other] * spheres[block, other]
             outside = max(outside, origin[axis] - c, c - top[axis])
         if outside > radius:
             continue
         for s in range(starts[block], starts[block + 1]):
             x = (
-                turn[0, 0] * records[s, 0]
-                + turn[0, 1] * records[s, 1]
-                + turn[0, 2] * records[s, 2]
+                rotation[0, 0] * records[s, 0]
+                + rotation[0, 1] * records[s, 1]
+                + rotation[0, 2] * records[s, 2]
                 + shift[0]
             )
             y = (
-                turn[1, 0] * records[s, 0]
-                + turn[1, 1] * records[s, 1]
-                + turn[1, 2] * records[s, 2]
+                rotation[1, 0] * records[s, 0]
+                + rotation[1, 1] * records[s, 1]
+                + rotation[1, 2] * records[s, 2]
                 + shift[1]
             )
             z = (
-                turn[2, 0] * records[s, 0]
-                + turn[2, 1] * records[s, 1]
-                + turn[2, 2] * records[s, 2]
+                rotation[2, 0] * records[s, 0]
+                + rotation[2, 1] * records[s, 1]
+                + rotation[2, 2] * records[s, 2]
                 + shift[2]
             )
             reach = edge_reach if kinds[s] == EDGE or kinds[s] == END else threshold
@@ -143,9 +143,9 @@ def touches(  # type: ignore[no-untyped-def]
             for part in range(1, 4):
                 for axis in range(3):
                     record[3 * part + axis] = (
-                        turn[axis, 0] * records[s, 3 * part]
-                        + turn[axis, 1] * records[s, 3 * part + 1]
-                        + turn[axis, 2] * records[s, 3 * part + 2]
+                        rotation[axis, 0] * records[s, 3 * part]
+                        + rotation[axis, 1] * records[s, 3 * part + 1]
+                        + rotation[axis, 2] * records[s, 3 * part + 2]
                     )
             # Of all the faces that tie, the one that faces the sample most squarely is touched.
             chosen, squarest, gap = -1, 0.0, 0.0
@@ -236,7 +236,7 @@ def _cross_edges(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def touches_container(records, kinds, starts, spheres, turn, shift, size, threshold, rows):  # type: ignore[no-untyped-def]
+def touches_container(records, kinds, starts, spheres, rotation, shift, size, threshold, rows):  # type: ignore[no-untyped-def]
     """Contacts of one body's samples with the floor and the four walls, up to the rim.
 
     Args:
@@ -244,7 +244,7 @@ def touches_container(records, kinds, starts, spheres, turn, shift, size, thresh
         kinds: as in :class:`packenv.geometry.surface_samples.Samples`.
         starts: likewise.
         spheres: likewise.
-        turn: (3, 3) the body's frame to the container's.
+        rotation: (3, 3) the body's frame to the container's.
         shift: (3,) likewise, m.
         size: (3,) inner size of the container, m.
         threshold: largest gap, m.
@@ -261,7 +261,7 @@ def touches_container(records, kinds, starts, spheres, turn, shift, size, thresh
         for axis in range(3):
             centre[axis] = shift[axis]
             for other in range(3):
-                centre[axis] += turn[axis, other] * spheres[block, other]
+                centre[axis] += rotation[axis, other] * spheres[block, other]
         reach = spheres[block, 3] + threshold
         for plane in range(5):
             axis = plane % 3
@@ -273,9 +273,9 @@ def touches_container(records, kinds, starts, spheres, turn, shift, size, thresh
             for s in range(starts[block], starts[block + 1]):
                 for a in range(3):
                     point[a] = (
-                        turn[a, 0] * records[s, 0]
-                        + turn[a, 1] * records[s, 1]
-                        + turn[a, 2] * records[s, 2]
+                        rotation[a, 0] * records[s, 0]
+                        + rotation[a, 1] * records[s, 1]
+                        + rotation[a, 2] * records[s, 2]
                         + shift[a]
                     )
                 gap = size[axis] - point[axis] if upper else point[axis]
@@ -284,9 +284,9 @@ def touches_container(records, kinds, starts, spheres, turn, shift, size, thresh
                 for part in range(1, 4):
                     for a in range(3):
                         record[3 * part + a] = (
-                            turn[a, 0] * records[s, 3 * part]
-                            + turn[a, 1] * records[s, 3 * part + 1]
-                            + turn[a, 2] * records[s, 3 * part + 2]
+                            rotation[a, 0] * records[s, 3 * part]
+                            + rotation[a, 1] * records[s, 3 * part + 1]
+                            + rotation[a, 2] * records[s, 3 * part + 2]
                         )
                 nx, ny, nz = 0.0, 0.0, 0.0
                 if axis == 0:

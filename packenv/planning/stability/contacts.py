@@ -111,22 +111,6 @@ def item_contacts(
     return join([p for p in parts if len(p)])
 
 
-def pile_contacts(bodies: Sequence[Body], container: Container, *, threshold: float = THRESHOLD) -> Contacts:
-    """All contacts of a pile, unthinned: :func:`item_contacts` of every item with those before it.
-
-    Args:
-        bodies: items 1 to n in packing sequence.
-        container: the box.
-        threshold: largest gap, m.
-    """
-    return join(
-        [
-            item_contacts(body, bodies[:i], container, index=i + 1, threshold=threshold)
-            for i, body in enumerate(bodies)
-        ]
-    )
-
-
 def _with_container(new: Body, container: Container, index: int, threshold: float) -> Contacts:
     field = new.field
     # A sample in a corner touches three planes.

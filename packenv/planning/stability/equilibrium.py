@@ -5,11 +5,9 @@ weight of every item. With an inscribed pyramid for each cone this is: are there
 builds A and b and says what counts as an answer; :mod:`packenv.planning.stability.solvers` finds it.
 
 Units. Row blocks of A are the items' force balance over their weight and their torque balance, about the
-centre
-of mass, over weight × length; column blocks are the contacts' forces over the weight of the lighter of the
-two
-items. So A and b have no unit, do not depend on the scale of the masses, and a residual of 1e-6 means a
-millionth of an item's weight.
+centre of mass, over weight × length; column blocks are the contacts' forces over the weight of the lighter of
+the two items. So A and b have no unit, do not depend on the scale of the masses, and a residual of 1e-6 means
+a millionth of an item's weight.
 """
 
 from __future__ import annotations
@@ -45,8 +43,7 @@ def tangents(normals: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArra
 
     With an edge of the friction pyramid uphill, an item on a ramp slides at the true friction angle, at every
     yaw. Where the contact is level no direction is uphill, and the first tangent follows the container's x
-    axis
-    (or, where ``up`` is not z, the axis that is farthest from ``up``).
+    axis (or, where ``up`` is not z, the axis that is farthest from ``up``).
 
     Args:
         normals: (k, 3) unit.
@@ -65,44 +62,12 @@ def tangents(normals: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArra
     return first, _cross(normals, first)
 
 
-def friction_pyramid(
-    normals: FloatArray, mu: float, sides: int = 8, up: ArrayLike = (0.0, 0.0, 1.0)
-) -> FloatArray:
-    """Edges of a pyramid inside each contact's friction cone (paper eq. 4, made linear).
-
-    Every non-negative combination of a contact's edges lies inside its cone ‖f_t‖ ≤ μ f_n: the pyramid is
-    inscribed, so its "stable" is also the cone's.
-
-    Args:
-        normals: (k, 3) unit normals, pointing into the pushed body.
-        mu: coefficient of static friction, not negative.
-        sides: number of edges, at least 3.
-        up: direction against gravity, which fixes the first edge (see :func:`tangents`).
-
-    Returns:
-        (k, sides, 3) edges; the component along the normal is 1.
-
-    Raises:
-        ValueError: ``mu`` is negative or not finite, or ``sides`` is below 3.
-    """
-    _check_friction(mu, sides)
-    normals = np.asarray(normals, dtype=np.float64).reshape(-1, 3)
-    direction = np.asarray(up, dtype=np.float64)
-    first, second = tangents(normals, direction / np.linalg.norm(direction))
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    edges: FloatArray = normals[:, None, :] + mu * (
-        np.cos(angles)[:, None] * first[:, None, :] + np.sin(angles)[:, None] * second[:, None, :]
-    )
-    return edges
-
-
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """The question "are there x ≥ 0 with A x = b?" for a pile, or for some of its items.
 
     A is kept in compressed columns. Rows 6 i to 6 i + 5 are force (x, y, z) and torque (x, y, z) of the i-th
-    free
-    item; column ``sides`` k + s is the s-th edge of contact k.
+    free item; column ``sides`` k + s is the s-th edge of contact k.
 
     Attributes:
         start: (columns + 1,) int32 where each column begins in ``index`` and ``value``.
@@ -259,7 +224,8 @@ def build_equilibrium(
         masses: (n,) of items 1 to n, kg.
         coms: (n, 3) their centres of mass, container frame, m.
         mu: friction coefficient of all contacts.
-        sides: edges of each friction pyramid.
+        sides: edges of each friction pyramid, at least 3. It is inscribed in the cone ‖f_t‖ ≤ μ f_n (paper eq. 4, made
+            linear), so its "stable" is also the cone's; its first edge points uphill (:func:`tangents`).
         gravity: (3,) m/s².
         free: body numbers of the items whose balance is asked; the others are held as the container is, and
             their contacts with each other are left out. All items where None.
@@ -270,7 +236,8 @@ def build_equilibrium(
         The linear conditions. Contacts between two held bodies are not in it.
 
     Raises:
-        ValueError: a mass is not positive, gravity is zero, or a contact names a body that does not exist.
+        ValueError: a mass is not positive, gravity is zero, ``mu`` is negative or not finite, ``sides`` is below
+            3, or a contact names a body that does not exist.
     """
     mass = np.asarray(masses, dtype=np.float64).reshape(-1)
     com = np.asarray(coms, dtype=np.float64).reshape(-1, 3)

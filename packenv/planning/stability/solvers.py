@@ -1,12 +1,9 @@
 """Are there forces that balance the pile? Three solvers, one meaning.
 
 ``stable`` means: forces were found that pass :meth:`Equilibrium.balanced`. ``unstable`` means: a motion was
-found
-that passes :meth:`Equilibrium.refuted_by`, so no forces exist. Each solver's answer is put to that test,
-whatever
-the solver says of itself; what passes neither is asked again another way, and only where all ways fail the
-answer is
-``undecided``, which no caller may take for "stable".
+found that passes :meth:`Equilibrium.refuted_by`, so no forces exist. Each solver's answer is put to that
+test, whatever the solver says of itself; what passes neither is asked again another way, and only where all
+ways fail the answer is ``undecided``, which no caller may take for "stable".
 """
 
 from __future__ import annotations

@@ -158,9 +158,8 @@ def arch_needs(half_angle_deg: float = 80.0, stones: int = 3) -> float:
     """Friction that the arch needs as its thickness goes to zero, in closed form (three stones).
 
     The thrust passes through the four joints. With W a stone's weight, the inner joints carry W / 2 upwards
-    and
-    the springers 3 W / 2; moments of the left stone about its springer give the horizontal thrust H. At each
-    joint friction is the tangent of the angle between thrust and the joint's normal.
+    and the springers 3 W / 2; moments of the left stone about its springer give the horizontal thrust H. At
+    each joint friction is the tangent of the angle between thrust and the joint's normal.
     """
     assert stones == 3
     joints = np.radians([-half_angle_deg, -half_angle_deg / 3])

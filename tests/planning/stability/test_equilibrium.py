@@ -13,7 +13,6 @@ from packenv.planning.stability import solvers
 from packenv.planning.stability.equilibrium import (
     TOLERANCE,
     build_equilibrium,
-    friction_pyramid,
     residuals,
     take,
 )
@@ -31,11 +30,18 @@ def unit_normals(seed: int, k: int = 200) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
+def pyramids(normals, mu, sides=8):
+    """Edges that the force balance gives to contacts of the container with one item: (k, sides, 3)."""
+    k = len(normals)
+    p = piles.pile(np.zeros((k, 3)), normals, np.zeros(k), np.ones(k), [1.0], np.zeros((1, 3)))
+    return build(p, mu=mu, sides=sides).edges
+
+
 @pytest.mark.parametrize("sides", [3, 4, 8, 13])
 @pytest.mark.parametrize("mu", [0.0, 0.3, 1.5])
 def test_pyramid_is_inscribed_and_its_edges_lie_on_the_cone(mu, sides):
     normals = np.vstack([unit_normals(0), np.eye(3), -np.eye(3)])
-    edges = friction_pyramid(normals, mu, sides)
+    edges = pyramids(normals, mu, sides)
     assert edges.shape == (len(normals), sides, 3)
     push = np.einsum("ksj,kj->ks", edges, normals)
     across = np.linalg.norm(edges - push[..., None] * normals[:, None, :], axis=2)
@@ -50,7 +56,7 @@ def test_pyramid_is_inscribed_and_its_edges_lie_on_the_cone(mu, sides):
 
 def test_first_edge_points_uphill():
     normals = unit_normals(2)
-    edges = friction_pyramid(normals, 0.5)
+    edges = pyramids(normals, 0.5)
     uphill = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
     uphill /= np.linalg.norm(uphill, axis=1, keepdims=True)
     np.testing.assert_allclose((edges[:, 0] - normals) / 0.5, uphill, atol=1e-9)
@@ -59,7 +65,7 @@ def test_first_edge_points_uphill():
 @pytest.mark.parametrize(("mu", "sides"), [(-0.1, 8), (np.nan, 8), (np.inf, 8), (0.7, 2)])
 def test_pyramid_refuses_nonsense(mu, sides):
     with pytest.raises(ValueError, match="friction"):
-        friction_pyramid(np.eye(3), mu, sides)
+        pyramids(np.eye(3), mu, sides)
 
 
 def test_matrix_is_the_balance_of_the_forces():
