@@ -49,12 +49,12 @@ class Stage:
         self.camera = camera_around(self._around, size, _AZIMUTH, _ELEVATION)
 
     @cached_property
-    def home(self) -> FloatArray | None:
-        """(6,) joints with the cup above the middle of the rim, rad; None where the arm does not get there."""
+    def home(self) -> FloatArray:
+        """(6,) joints with the cup above the middle of the rim, rad; all 0 where the arm does not get there."""
         length, width, height = self.cell.container.size
         above = np.array([length / 2, width / 2, height + _PARKED])
         found = self.cell.clear_branches(self.cell.top_down_path(above, 0.0))
-        return found.q[0, 0] if len(found.q) else None
+        return found.q[0, 0] if len(found.q) else np.zeros(6)
 
     def draw(self, placed: Sequence[tuple[Item, Pose]], joints: FloatArray | None = None) -> Image:
         """One moment.
