@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import sys
 from typing import Any
 
 from packenv.errors import InputError
 from packenv.view.painter import Image
+
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 
 
 class Window:
@@ -24,26 +27,25 @@ class Window:
         Raises:
             InputError: pygame is not installed, or there is no display.
         """
-        instead = "render mode 'rgb_array' needs none"
+        needs, instead = "render mode 'human' needs", "'rgb_array' needs neither"
         try:
             # It greets on standard output.
             with contextlib.redirect_stdout(io.StringIO()):
                 import pygame
         except ImportError:
             raise InputError(
-                "render mode 'human': the window needs the package pygame, which is not installed: "
+                f"{needs} the package pygame, which is not installed, and a display: "
                 f"pip install pygame; {instead}"
             ) from None
         self._pygame: Any = pygame
+        # Without a display SDL complains at length, and then draws to nowhere.
+        if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
+            raise InputError(f"{needs} a display, and there is none ({_DISPLAYS[0]} is not set); {instead}")
         try:
             pygame.display.init()
-            # Without a display SDL draws to nowhere.
-            if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
-                pygame.display.quit()
-                raise InputError(f"render mode 'human': there is no display; {instead}")
             self._surface = pygame.display.set_mode(size)
         except pygame.error as problem:
-            raise InputError(f"render mode 'human': no window opens ({problem}); {instead}") from None
+            raise InputError(f"{needs} a display, and no window opens ({problem}); {instead}") from None
         pygame.display.set_caption("RobotPack")
         self._clock = pygame.time.Clock()
         self._fps = fps
@@ -51,9 +53,8 @@ class Window:
     def show(self, picture: Image) -> None:
         """Bring the window up to date with a picture of its size."""
         self._pygame.event.pump()
-        self._surface.blit(
-            self._pygame.image.frombuffer(picture.tobytes(), picture.shape[1::-1], "RGB"), (0, 0)
-        )
+        drawn = self._pygame.image.frombuffer(picture.tobytes(), picture.shape[1::-1], "RGB")
+        self._surface.blit(drawn, (0, 0))
         self._pygame.display.flip()
         self._clock.tick(self._fps)
 
