@@ -43,6 +43,9 @@ class Window:
             raise InputError(f"{needs} a display, and there is none ({_DISPLAYS[0]} is not set); {instead}")
         try:
             pygame.display.init()
+            if pygame.display.get_driver() == "offscreen" != os.environ.get("SDL_VIDEODRIVER"):
+                pygame.display.quit()
+                raise pygame.error("SDL finds none")
             self._surface = pygame.display.set_mode(size)
         except pygame.error as problem:
             raise InputError(f"{needs} a display, and no window opens ({problem}); {instead}") from None

@@ -83,6 +83,10 @@ def test_a_window_without_a_display_is_told_in_one_line(monkeypatch: pytest.Monk
         env.reset(seed=0)
     assert "\n" not in str(caught.value)
     assert "rgb_array" in str(caught.value)
+    monkeypatch.setenv("DISPLAY", "nowhere:7")
+    with pytest.raises(InputError, match="no window opens") as caught:
+        env.reset(seed=0)
+    assert "\n" not in str(caught.value)
     env.close()
 
 
