@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import trimesh
 
 from packenv.robot.cell import Cell
 from packenv.robot.gripper import LENGTH
-from packenv.robot.shapes import GRIPPER, PRIMITIVES
+from packenv.robot.shapes import PRIMITIVES, Primitive
 from packenv.robot.tx90 import link_frames
 from packenv.types import FloatArray, Item, Pose
 from packenv.view.camera import camera_around
@@ -69,7 +69,7 @@ class Stage:
         surfaces = [self._table, *placed_surfaces(placed)]
         if joints is not None:
             links = link_frames(joints)
-            for link, surface in robot_surfaces():
+            for link, surface in robot_surfaces(PRIMITIVES):
                 position = self.cell.to_container(links[link, :3, 3])
                 surfaces.append(surface.at(Pose(links[link, :3, :3], position)))
         return paint(self.cell.container, surfaces, self.camera, QUICK, self._around)
@@ -80,11 +80,11 @@ def placed_surfaces(placed: Sequence[tuple[Item, Pose]]) -> list[Surface]:
     return [item_surface(item).at(pose, item_colour(k)) for k, (item, pose) in enumerate(placed)]
 
 
-@cache
-def robot_surfaces() -> tuple[tuple[int, Surface], ...]:
-    """For each primitive of arm and gripper the link that it moves with, and its surface in that link's frame."""
+@lru_cache(maxsize=4)
+def robot_surfaces(primitives: tuple[Primitive, ...]) -> tuple[tuple[int, Surface], ...]:
+    """For each primitive of an arm and, the last, its gripper: its link, and its surface in that link's frame."""
     found = []
-    for index, part in enumerate(PRIMITIVES):
+    for part in primitives:
         ends = np.array([part.start, part.end])
         mesh = trimesh.creation.cylinder(part.radius, sections=_AROUND, segment=ends)
         if part.capsule:
@@ -93,7 +93,7 @@ def robot_surfaces() -> tuple[tuple[int, Surface], ...]:
             turn[:3, 3] = ends.mean(axis=0)
             count = [_AROUND // 2, _AROUND]
             mesh = trimesh.creation.capsule(float(np.linalg.norm(along)), part.radius, count, turn)
-        colour = _GRIPPER if index == GRIPPER else _WRIST if part.link >= 5 else _ARM
+        colour = _GRIPPER if part is primitives[-1] else _WRIST if part.link >= 5 else _ARM
         found.append((part.link, surface_of(mesh, colour)))
     return tuple(found)
 

@@ -189,7 +189,7 @@ def test_the_arm_is_seen_and_follows_its_joints() -> None:
 
 def test_the_robot_is_drawn_as_it_is_checked() -> None:
     """Every primitive's surface lies at its radius, closed and turned outwards."""
-    for (link, surface), primitive in zip(robot_surfaces(), PRIMITIVES, strict=True):
+    for (link, surface), primitive in zip(robot_surfaces(PRIMITIVES), PRIMITIVES, strict=True):
         assert link == primitive.link
         start, end = np.array(primitive.start), np.array(primitive.end)
         along = (end - start) / np.linalg.norm(end - start)
