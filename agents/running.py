@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from packenv.env.config import PackConfig
-from packenv.io.assets import BUILTIN
 from packenv.io.rows import row_key
+from packenv.shipped import BUILTIN
 from packenv.version import __version__
 
 from .protocol import Agent

@@ -47,11 +47,10 @@ from benchmarks.shelf import open_shelf
 from packenv import api
 from packenv.config import GridConfig
 from packenv.execution.physics_planner import CAREFUL, STRICT
-from packenv.io.assets import robot_urdf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask, Way
 from packenv.sim.drop_test import DropTest, Lying
 from packenv.sim.plan_tasks import run_tasks, task_of
@@ -138,12 +137,13 @@ def plan(options: PlanOptions, order: Sequence[str], shelf: ItemShelf, box: Cont
     made = api.plan(Order.of(*order), box, shelf, options, margins=False)
     if not made.complete:
         return None
-    return [task_of(p, shelf.physics[p.item], box) for p in made.placements]
+    cell = default_cell().with_container(box)
+    return [task_of(p, shelf.physics[p.item], cell) for p in made.placements]
 
 
 def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
     """Carry a plan out as ``robotpack execute`` does."""
-    return run_tasks(tasks, Cell.beside(box), CONFIG, robot_urdf())
+    return run_tasks(tasks, default_cell().with_container(box), CONFIG)
 
 
 def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: int) -> dict[str, Any]:

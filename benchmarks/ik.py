@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from packenv.robot import tx90
-from packenv.robot.cell import Cell
-from packenv.robot.tx90_data import LOWER, UPPER
+from packenv.robot.files import default_cell
 from packenv.types import Container, FloatArray
 
+TX90 = default_cell().robot
 REPEATS = 7
 MEETS = 1e-8
 """Two solvers' branches are the same where no joint differs by more, whole turns aside, rad."""
@@ -43,7 +42,7 @@ def seconds(work: Callable[[], Any], count: int) -> float:
 
 def round_trip(poses: FloatArray) -> tuple[float, float]:
     """Largest error of forward(inverse(pose)) over all branches: metres, and rad."""
-    reached = tx90.forward(tx90.inverse(poses).q)
+    reached = TX90.forward(TX90.inverse(poses).q)
     metres = np.linalg.norm(reached[..., :3, 3] - poses[:, None, :3, 3], axis=-1)
     chord = np.linalg.norm(reached[..., :3, :3] - poses[:, None, :3, :3], axis=(-2, -1))
     return float(np.nanmax(metres)), float(np.nanmax(2 * np.arcsin(chord / np.sqrt(8))))
@@ -59,9 +58,9 @@ def against_opw(poses: FloatArray) -> dict[str, float | None]:
 
     model = opw.KinematicModel(a1=0.05, a2=0.0, b=0.05, c1=0.478, c2=0.425, c3=0.425, c4=0.1)
     robot = opw.Robot(model, degrees=False)
-    transforms, limits = RigidTransform.from_matrix(poses), np.stack([LOWER, UPPER], axis=1)
+    transforms, limits = RigidTransform.from_matrix(poses), np.stack([TX90.lower, TX90.upper], axis=1)
     theirs = robot.reach(transforms, joint_limits=limits).joints
-    ours = tx90.inverse(poses)
+    ours = TX90.inverse(poses)
     apart = np.abs((theirs - ours.q + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
     there = ~np.isnan(theirs[..., 0])
     same = (there == ours.exists) & (~there | (apart < MEETS))
@@ -73,12 +72,12 @@ def against_opw(poses: FloatArray) -> dict[str, float | None]:
 
 def path_times(seed: int) -> dict[str, float]:
     """What a top-down path costs."""
-    cell = Cell.beside(Container(0.32, 0.32, 0.30))
+    cell = default_cell().with_container(Container(0.32, 0.32, 0.30))
     points = np.random.default_rng(seed).uniform(0.01, [0.31, 0.31, 0.29], (200, 3))
     paths = [cell.top_down_path(p, cell.rim + 0.01) for p in points]
     return {
         "path_waypoints": statistics.median(len(p) for p in paths),
-        "path_branches_us": 1e6 * seconds(lambda: [tx90.continuous_branches(p) for p in paths], len(paths)),
+        "path_branches_us": 1e6 * seconds(lambda: [TX90.continuous_branches(p) for p in paths], len(paths)),
         "path_clear_us": 1e6 * seconds(lambda: [cell.clear_branches(p) for p in paths], len(paths)),
         "path_followed_share": float(np.mean([len(cell.clear_branches(p)) > 0 for p in paths])),
     }
@@ -92,16 +91,16 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="JSON only, no summary line")
     arguments = parser.parse_args()
 
-    joints = np.random.default_rng(arguments.seed).uniform(LOWER, UPPER, (arguments.poses, 6))
-    poses = tx90.forward(joints)
-    found = tx90.inverse(poses)
-    pose_seconds = seconds(lambda: tx90.inverse(poses), len(poses))
+    joints = np.random.default_rng(arguments.seed).uniform(TX90.lower, TX90.upper, (arguments.poses, 6))
+    poses = TX90.forward(joints)
+    found = TX90.inverse(poses)
+    pose_seconds = seconds(lambda: TX90.inverse(poses), len(poses))
     metres, radians = round_trip(poses)
     report = {
         "poses": len(poses),
         "poses_per_s": 1.0 / pose_seconds,
         "us_per_pose": 1e6 * pose_seconds,
-        "forward_us": 1e6 * seconds(lambda: tx90.link_frames(joints), len(joints)),
+        "forward_us": 1e6 * seconds(lambda: TX90.link_frames(joints), len(joints)),
         "branches_mean": float(found.exists.sum(axis=1).mean()),
         "branches_in_limits_mean": float(found.valid.sum(axis=1).mean()),
         "max_error_m": metres,

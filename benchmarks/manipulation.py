@@ -35,7 +35,7 @@ from packenv.planning.options import GraspRule
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.types import Container, OrientedItem
 
 BOX = Container(0.32, 0.32, 0.30)
@@ -76,7 +76,7 @@ def check_times(
     per_step: int,
 ) -> dict[str, Any]:
     """Check the best candidates of every step of some orders."""
-    checker = ManipulationChecker(Cell.beside(BOX))
+    checker = ManipulationChecker(default_cell().with_container(BOX))
     rng = np.random.default_rng(0)
     times, feasible, firsts = [], [], []
     reasons: Counter[str] = Counter()

@@ -20,11 +20,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from packenv.io.containers import read_boxes
 from packenv.io.files import write_whole
-from packenv.robot.cell import NEAR_EDGE, Cell
+from packenv.robot.files import default_cell
 from packenv.robot.reachability import ReachMap, corner_distances, reach_map, share
-from packenv.robot.shapes import COLUMN_RADIUS
 from packenv.types import Container
 
+ROBOT = default_cell().robot
+COLUMN = ROBOT.shapes.column_radius
 RADII = np.round(np.arange(0.10, 1.0501, 0.005), 4)
 EDGES = np.round(np.arange(0.16, 0.701, 0.01), 3)
 """Distances of the near wall from joint 1's axis that are compared, m."""
@@ -114,9 +115,9 @@ def draw_section(canvas: Canvas, reach: ReachMap, container: Container) -> None:
                 frame.rectangle(r - half, edges[j], min(r + half, frame.x[1]), edges[j + 1]),
                 fill=_YES if reached else _NO,
             )
-    canvas.draw.rectangle(frame.rectangle(0.0, 0.0, COLUMN_RADIUS, reach.rim), fill=_LIGHT)
-    canvas.text(frame.at(COLUMN_RADIUS / 2, reach.rim / 2), "robot's column", 14, "mm", _GREY)
-    nearest, farthest = corner_distances(container, Cell.beside(container).position[:2])
+    canvas.draw.rectangle(frame.rectangle(0.0, 0.0, COLUMN, reach.rim), fill=_LIGHT)
+    canvas.text(frame.at(COLUMN / 2, reach.rim / 2), "robot's column", 14, "mm", _GREY)
+    nearest, farthest = corner_distances(container, default_cell().with_container(container).position[:2])
     for r, words, anchor in ((nearest, "near wall ", "rm"), (farthest, " far corners", "lm")):
         canvas.draw.line([frame.at(r, 0.0), frame.at(r, reach.rim)], fill=_INK, width=2 * _SCALE)
         canvas.text(frame.at(r, reach.rim * 0.9), words, 13, anchor)
@@ -142,7 +143,7 @@ def draw_around(canvas: Canvas, reach: ReachMap, container: Container) -> dict[s
     for x in places:
         for y in places:
             corner = (x - container.length / 2, y - container.width / 2)
-            if corner_distances(container, corner)[0] < COLUMN_RADIUS:
+            if corner_distances(container, corner)[0] < COLUMN:
                 colour = _LIGHT
             else:
                 served = share(reach, container, corner, spacing=0.04)
@@ -151,10 +152,10 @@ def draw_around(canvas: Canvas, reach: ReachMap, container: Container) -> dict[s
             canvas.draw.rectangle(
                 frame.rectangle(x - step / 2, y - step / 2, x + step / 2, y + step / 2), fill=colour
             )
-    circle = frame.rectangle(-COLUMN_RADIUS, -COLUMN_RADIUS, COLUMN_RADIUS, COLUMN_RADIUS)
+    circle = frame.rectangle(-COLUMN, -COLUMN, COLUMN, COLUMN)
     canvas.draw.ellipse(circle, outline=_GREY, width=2 * _SCALE)
     canvas.text(frame.at(0.0, 0.0), "robot", 14, "mm", _GREY)
-    x, y, _ = Cell.beside(container).position
+    x, y, _ = default_cell().with_container(container).position
     canvas.draw.rectangle(
         frame.rectangle(x, y, x + container.length, y + container.width), outline=_INK, width=2 * _SCALE
     )
@@ -180,12 +181,14 @@ def draw_shares(canvas: Canvas, shares: dict[str, list[float]]) -> None:
     for colour, values in zip(_LINES, shares.values(), strict=False):
         points = [frame.at(e, s) for e, s in zip(EDGES, values, strict=True)]
         canvas.draw.line(points, fill=colour, width=2 * _SCALE, joint="curve")
-    canvas.draw.rectangle(frame.rectangle(EDGES[0], 0.0, COLUMN_RADIUS, 1.05), fill=_LIGHT)
-    canvas.text(frame.at(COLUMN_RADIUS - 0.006, 0.5), "column", 13, "rm", _GREY)
-    canvas.draw.line([frame.at(NEAR_EDGE, 0.0), frame.at(NEAR_EDGE, 1.05)], fill=_INK, width=2 * _SCALE)
-    canvas.text(frame.at(NEAR_EDGE + 0.008, 0.03), f"chosen: {NEAR_EDGE:.2f} m", 13, "lb")
+    canvas.draw.rectangle(frame.rectangle(EDGES[0], 0.0, COLUMN, 1.05), fill=_LIGHT)
+    canvas.text(frame.at(COLUMN - 0.006, 0.5), "column", 13, "rm", _GREY)
+    canvas.draw.line(
+        [frame.at(ROBOT.near_edge, 0.0), frame.at(ROBOT.near_edge, 1.05)], fill=_INK, width=2 * _SCALE
+    )
+    canvas.text(frame.at(ROBOT.near_edge + 0.008, 0.03), f"chosen: {ROBOT.near_edge:.2f} m", 13, "lb")
     for k, (colour, name) in enumerate(zip(_LINES, shares, strict=False)):
-        place = frame.at(NEAR_EDGE + 0.03, 0.16 + 0.055 * k)
+        place = frame.at(ROBOT.near_edge + 0.03, 0.16 + 0.055 * k)
         canvas.draw.line([place, (place[0] + 26 * _SCALE, place[1])], fill=colour, width=3 * _SCALE)
         canvas.text((place[0] + 34 * _SCALE, place[1]), name, 13, "lm")
     canvas.axes(
@@ -211,7 +214,7 @@ def main() -> int:
     paper = Container(0.32, 0.32, 0.30)
     if all(box.size != paper.size for box in boxes):
         boxes.append(paper)
-    maps = {height: reach_map(height, RADII, levels=25) for height in {box.height for box in boxes}}
+    maps = {height: reach_map(ROBOT, height, RADII, levels=25) for height in {box.height for box in boxes}}
     rows, curves = [], {}
     for box in boxes:
         reach = maps[box.height]
@@ -219,7 +222,7 @@ def main() -> int:
         curves[f"{box.label}  {box.length:g} x {box.width:g} x {box.height:g}"] = [
             share(reach, box, (float(e), -box.width / 2)) for e in EDGES
         ]
-        corner = Cell.beside(box).position[:2]
+        corner = default_cell().with_container(box).position[:2]
         nearest, farthest = corner_distances(box, corner)
         rows.append(
             {
@@ -233,7 +236,7 @@ def main() -> int:
         )
         if not arguments.json:
             sys.stderr.write(f"{box.label}: {rows[-1]['share']:.1%} served\n")
-    report: dict[str, object] = {"near_edge_m": NEAR_EDGE, "column_radius_m": COLUMN_RADIUS, "rows": rows}
+    report: dict[str, object] = {"near_edge_m": ROBOT.near_edge, "column_radius_m": COLUMN, "rows": rows}
     if arguments.png:
         canvas = Canvas()
         draw_section(canvas, maps[paper.height], paper)

@@ -46,6 +46,7 @@ from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
+from packenv.robot.files import default_cell
 from packenv.sim.plan_tasks import task_of
 
 MUJOCO = MujocoConfig()
@@ -61,7 +62,7 @@ def work(job: PlanJob) -> dict[str, Any]:
     row["first"] = figures(first)
     if not first.success:
         return row
-    tasks = [task_of(p, shelf.physics[p.item], BOX) for p in plan.placements]
+    tasks = [task_of(p, shelf.physics[p.item], default_cell().with_container(BOX)) for p in plan.placements]
     start = time.process_time()
     second = execute_in_mujoco(tasks, BOX, MUJOCO, CONFIG.motion)
     row["second"] = {**figures(second), "cpu_s": time.process_time() - start}

@@ -35,6 +35,9 @@ if _TYPE_CHECKING:
     from packenv.planning.options import PlanOptions as PlanOptions
     from packenv.planning.search.candidates import Candidates as Candidates
     from packenv.planning.search.heuristics import Heuristic as Heuristic
+    from packenv.robot.cell import Cell as Cell, CellSetup as CellSetup
+    from packenv.robot.files import load_cell as load_cell
+    from packenv.robot.protocol import Robot as Robot
     from packenv.types import (
         Container as Container,
         Item as Item,
@@ -54,6 +57,8 @@ from packenv.version import __version__ as __version__
 _PUBLIC = {
     "Candidates": "packenv.planning.search.candidates",
     "Catalogue": "packenv.items.catalogue",
+    "Cell": "packenv.robot.cell",
+    "CellSetup": "packenv.robot.cell",
     "Constraint": "packenv.planning.constraints",
     "Container": "packenv.types",
     "ExecutedPlan": "packenv.execution.execute",
@@ -73,6 +78,7 @@ _PUBLIC = {
     "PlanOptions": "packenv.planning.options",
     "Pose": "packenv.types",
     "RewardFn": "packenv.env.reward",
+    "Robot": "packenv.robot.protocol",
     "RobotPackError": "packenv.errors",
     "RobotPath": "packenv.types",
     "Trial": "packenv.planning.constraints",
@@ -81,6 +87,7 @@ _PUBLIC = {
     "Watcher": "packenv.watcher",
     "execute": "packenv.execution.execute",
     "load_catalogue": "packenv.api",
+    "load_cell": "packenv.robot.files",
     "load_order": "packenv.api",
     "load_plan": "packenv.api",
     "plan": "packenv.api",

@@ -61,6 +61,9 @@ def row_of(name: str) -> tuple[tuple[str, str], str]:
     default = f"`{json.dumps(PlanOptions().to_mapping()[name])}`".replace('"', "")
     if name == "own_constraints":
         return ("a list of `module:name`", default), "further constraints of your own"
+    if name == "cell":
+        meaning = "robot, container's place and friction; null: the TX90, the container in front of it"
+        return ("a record as in [cell.md](cell.md), or null", default), meaning
     rule = {**rules(), **GRID}[name]
     return (value_of(name, rule), default), rule.meaning
 

@@ -74,6 +74,8 @@ def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> 
         f"{heuristic_label(options.heuristic)}: utilization {plan.metrics['utilization']:.1%}, "
         f"height {plan.metrics['height']:.3f} m"
     )
+    if options.cell is not None:
+        say(f"cell: {options.cell.label}")
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
         kept = "" if plan.made_by == "first" else f"; this one: {plan.made_by}"

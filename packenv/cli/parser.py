@@ -111,6 +111,11 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
             metavar = "METRES" if name == "clearance" else "X"
             parser.add_argument(flag, type=float, metavar=metavar, help=text)
     own_constraint_option(parser)
+    parser.add_argument(
+        "--cell",
+        metavar="FILE|NAME",
+        help="robot cell: a cell file, a robot file or a robot's name, see docs/cell.md (default: tx90)",
+    )
 
 
 def own_constraint_option(parser: argparse.ArgumentParser) -> None:

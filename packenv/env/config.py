@@ -22,6 +22,7 @@ from packenv.planning.options import (
 if TYPE_CHECKING:
     from packenv.planning.constraints import Constraint
     from packenv.planning.search.heuristics import Heuristic
+    from packenv.robot.cell import CellSetup
 
 MaskLevel: TypeAlias = Literal["legal", "stable", "robot"]
 """What the action mask asks of a candidate: each level asks more than the one before."""
@@ -39,7 +40,16 @@ _RULES: Final = {
     "buffer": Rule("items seen online", whole=True, least=1, most=1024),
     "max_invalid": Rule("invalid actions on end", whole=True, least=1, most=1_000_000),
 }
-_PLANNING: Final = ("stability", "contacts", "grasp", "max_checked", "sequence", "own_constraints", "grid")
+_PLANNING: Final = (
+    "stability",
+    "contacts",
+    "grasp",
+    "max_checked",
+    "sequence",
+    "own_constraints",
+    "cell",
+    "grid",
+)
 """Fields that are options of planning."""
 
 
@@ -63,6 +73,8 @@ class PackConfig:
         heuristics: own ones, each a function or ``module:name``: their scores and ranks are the last columns of
             the candidates, and the best valid candidate of each is among them.
         own_constraints: further ones that a valid candidate must pass, each an object or ``module:name``.
+        cell: the robot cell: a cell file, a robot file or name, or what such a file holds (docs/cell.md); None is
+            the TX90 with the container in front of it.
         max_checked: how far each heuristic's ranks are walked down to its first valid candidate (the paper's
             N).
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
@@ -89,6 +101,7 @@ class PackConfig:
     grasp: GraspRule = "seal"
     heuristics: tuple[str | Heuristic, ...] = ()
     own_constraints: tuple[str | Constraint, ...] = ()
+    cell: CellSetup | None = None
     max_checked: int = 100
     sequence: Sequencing = "volume"
     arrivals: Literal["offline", "online"] = "offline"
@@ -120,7 +133,7 @@ class PackConfig:
                 raise InputError(f"containers: {size!r:.80} is out of range, give metres between 0.01 and 2")
         for heuristic in self.heuristics:
             PlanOptions(heuristic=heuristic)
-        self.plan_options()
+        object.__setattr__(self, "cell", self.plan_options().cell)
 
     def plan_options(self) -> PlanOptions:
         """The options with which a planner would ask the same of placements; no restarts, as in an episode.
@@ -166,6 +179,7 @@ class PackConfig:
         values["containers"] = [list(size) for size in self.containers]
         values["heuristics"] = [heuristic_label(given) for given in self.heuristics]
         values["own_constraints"] = [constraint_label(given) for given in self.own_constraints]
+        values["cell"] = None if self.cell is None else self.cell.to_mapping()
         return values
 
 

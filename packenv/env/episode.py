@@ -105,8 +105,9 @@ class Episode:
             return PlannedArrangement(self.container, config.grid.cell_size, self.constraints)
         from packenv.env.physical_arrangement import PhysicalArrangement
 
+        cell = self.rules.options.setup.with_container(self.container)
         return PhysicalArrangement(
-            self.container, config.grid.cell_size, self.constraints, self.shelf, robot=config.mask == "robot"
+            cell, config.grid.cell_size, self.constraints, self.shelf, robot=config.mask == "robot"
         )
 
     @property

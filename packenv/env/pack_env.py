@@ -208,14 +208,13 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
             return None
         from packenv.env.window import Window
-        from packenv.robot.cell import Cell
         from packenv.view.stage import Stage
 
         episode = self._running()
         if self.render_mode == "human" and self._window is None:
             self._window = Window(_FRAME_SIZE, self.metadata["render_fps"])
         if self._stage is None or self._stage.cell.container != episode.container:
-            self._stage = Stage(Cell.beside(episode.container), _FRAME_SIZE)
+            self._stage = Stage(self._rules.options.setup.with_container(episode.container), _FRAME_SIZE)
         placed, joints = episode.scene()
         picture = self._stage.draw(placed, self._stage.home if joints is None else joints)
         if self._window is None:

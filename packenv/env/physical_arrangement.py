@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from packenv.env.arrangement import Landing
-from packenv.io.assets import robot_urdf
 from packenv.items.shelf import ItemShelf
 from packenv.planning.constraints import Constraint
 from packenv.planning.packing import Pile
@@ -17,7 +16,7 @@ from packenv.robot.cell import Cell
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import ExecutionConfig, Session
 from packenv.sim.verdicts import OUT
-from packenv.types import Container, Placement, Pose
+from packenv.types import Placement, Pose
 
 
 class PhysicalArrangement:
@@ -25,7 +24,7 @@ class PhysicalArrangement:
 
     def __init__(
         self,
-        container: Container,
+        cell: Cell,
         cell_size: float,
         constraints: Sequence[Constraint],
         shelf: ItemShelf,
@@ -35,13 +34,14 @@ class PhysicalArrangement:
         """Begin with an empty container; the world is built when the first item comes.
 
         Args:
-            container: the box.
+            cell: the box, beside the robot.
             cell_size: m.
             constraints: of the planning, whose states begin anew from what lies at rest.
             shelf: the items; its shapes must be envelopes, so that planning and physics know one geometry.
             robot: the arm is in the world, and places what tells joints.
         """
-        self._container, self._cell_size, self._shelf = container, cell_size, shelf
+        self._cell, self._container = cell, cell.container
+        self._cell_size, self._shelf = cell_size, shelf
         self._constraints, self._robot = tuple(constraints), robot
         self._session: Session | None = None
         self._names: list[str] = []
@@ -61,15 +61,15 @@ class PhysicalArrangement:
     def session(self) -> Session:
         """The world, built when it is first asked for."""
         if self._session is None:
-            urdf = robot_urdf() if self._robot else None
-            self._session = Session(Cell.beside(self._container), ExecutionConfig(), urdf)
+            config = ExecutionConfig.of(self._cell.setup)
+            self._session = Session(self._cell, config, arm=self._robot)
         return self._session
 
     def place(self, placement: Placement, planned: Pile) -> Landing:
         """Bring an item in, wait for rest, and measure all poses."""
         session = self.session
         physics = self._shelf.physics[placement.item]
-        outcome = session.place(task_of(placement, physics, self._container))
+        outcome = session.place(task_of(placement, physics, self._cell))
         self._names.append(placement.item)
         poses = session.measured()
         resting = [

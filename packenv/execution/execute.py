@@ -11,10 +11,10 @@ from packenv.execution.closed_loop import WORLDS, run_closed_loop
 from packenv.execution.planning_job import PlanningJob
 from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import robot_urdf
 from packenv.io.executions import execution_to_json
 from packenv.items.plan_items import (
     Items,
+    cell_of,
     options_again,
     options_of,
     renumbered,
@@ -25,7 +25,6 @@ from packenv.items.plan_items import (
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
-from packenv.robot.cell import Cell
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import PlacementTask
 from packenv.sim.disturbance import Disturbance
@@ -38,6 +37,8 @@ from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from packenv.robot.cell import Cell
 
 BULGE = 0.001
 """Convex parts that reach further out of a mesh than this are remarked on, m."""
@@ -170,13 +171,16 @@ def execute(
     )
     if made.shape == "mesh":
         _remark_bulges(plan, shelf.parts, watcher)
-    tasks = [_task(plan, k, shelf) for k in range(len(placed), len(plan.placements))]
+    cell = cell_of(plan)
+    tasks = [_task(plan, k, shelf, cell) for k in range(len(placed), len(plan.placements))]
     if any(task.joints is None for task in tasks):
         watcher.remark(
             f"{plan.label}: tells no joints (pack --constraints robot plans them); "
             "an ideal hand without size places the items"
         )
-    config = _config(config or ExecutionConfig(), settle=settle, full_settle=full_settle, gentle=gentle)
+    config = _config(
+        config or ExecutionConfig.of(made.setup), settle=settle, full_settle=full_settle, gentle=gentle
+    )
     config = feeling(config) if feel or closed_loop else config
     if isinstance(disturb, int) and disturb < 0:
         raise InputError(f"disturb is {disturb}, give a seed of at least 0")
@@ -185,7 +189,7 @@ def execute(
     lying = tuple(
         Lying(shelf.physics[p.item], pose) for p, pose in zip(plan.placements, placed, strict=False)
     )
-    urdf = robot_urdf() if any(task.joints is not None for task in tasks) else None
+    arm = any(task.joints is not None for task in tasks)
     settings = config if disturbance is None else disturbance.config(config)
 
     def see(world: World) -> None:
@@ -194,8 +198,7 @@ def execute(
                 look(world)
 
     watching = see if recorder is not None or watch is not None else None
-    cell = Cell.beside(plan.container)
-    with Session(cell, settings, urdf, lying=lying, gui=gui, watch=watching) as session:
+    with Session(cell, settings, arm=arm, lying=lying, gui=gui, watch=watching) as session:
         try:
             if closed_loop:
                 loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
@@ -232,7 +235,7 @@ class _Loop:
         except ValueError as problem:
             raise PlanError(f"{plan.label}: {problem}, plan again") from None
         job = PlanningJob(shelf, self.options, margins=False, world=self.config.world)
-        rehearsal = Rehearsal(plan.container, shelf.physics, robot_urdf(), WORLDS, self.config)
+        rehearsal = Rehearsal(session.cell, shelf.physics, WORLDS, self.config)
         with job.planner(plan.container) as planner:
             result = run_closed_loop(
                 planner,
@@ -249,10 +252,10 @@ class _Loop:
         return ExecutedPlan(renumbered(whole), result.execution, self.config, plans=result.plans)
 
 
-def _task(plan: Plan, index: int, shelf: ItemShelf) -> PlacementTask:
+def _task(plan: Plan, index: int, shelf: ItemShelf, cell: Cell) -> PlacementTask:
     placement = plan.placements[index]
     try:
-        return task_of(placement, shelf.physics[placement.item], plan.container)
+        return task_of(placement, shelf.physics[placement.item], cell)
     except PlanError as problem:
         raise PlanError(f"{plan.label}: {problem}") from None
 

@@ -201,10 +201,14 @@ def make_planner(
         return assemble(options, items, container, margins=margins, give_up=give_up)
     static = replace(options, stability="paper")
     planner = assemble(static, items, container, margins=margins, give_up=give_up)
-    scratch = Scratch(container, world or WorldConfig())
-    strict = PhysicsConstraint(physics, scratch, items.shapes)
-    lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, EXACT)
-    inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, EXACT)
+    release = options.setup.release_height
+    careful_drops, exact = (
+        tuple(replace(how, height=release) for how in drops) for drops in (CAREFUL, EXACT)
+    )
+    scratch = Scratch(container, world or WorldConfig(mu=options.setup.friction))
+    strict = PhysicsConstraint(physics, scratch, items.shapes, STRICT, careful_drops)
+    lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, exact)
+    inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, exact)
     careful, levels = with_margin(planner.constraints), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:

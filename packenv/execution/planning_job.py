@@ -122,12 +122,15 @@ class PlanningJob:
     ) -> Rehearsed:
         """What is left of plans that were carried out in simulated worlds."""
         from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
-        from packenv.io.assets import robot_urdf
         from packenv.sim.drop_test import Lying
+        from packenv.sim.session import ExecutionConfig
 
         physics = self.shelf.physics
         lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
-        rehearsal = Rehearsal(box, physics, robot_urdf(), self.options.rehearse, lying=lying)
+        setup = self.options.setup
+        rehearsal = Rehearsal(
+            setup.with_container(box), physics, self.options.rehearse, ExecutionConfig.of(setup), lying
+        )
         start = (measured_map(box, self.shelf.grid.cell_size, resting), resting) if resting else None
         prepared = self.shelf.prepared
         with self.planner(box) as planner:

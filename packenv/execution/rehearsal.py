@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -23,7 +22,6 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks, task_of
 from packenv.sim.session import Execution, ExecutionConfig, feeling
 from packenv.sim.verdicts import DISPLACED, OUT
-from packenv.types import Container
 
 Start: TypeAlias = tuple[ContainerMap, Sequence[Resting]]
 """The heightmap of what the container holds already, and the items themselves."""
@@ -55,17 +53,15 @@ class Rehearsal:
     feels contacts: without, a hold that is off by millimetres fails wherever there is no room to spare.
 
     Attributes:
-        container: the box.
+        cell: the box, beside the robot.
         physics: every item, for physics.
-        urdf: of the robot.
         worlds: how many to rehearse in, 1 to ``MAX_WORLDS``.
         config: settings of the nominal world.
         lying: what the container holds already.
     """
 
-    container: Container
+    cell: Cell
     physics: Mapping[str, PhysicsItem]
-    urdf: Path
     worlds: int
     config: ExecutionConfig = field(default_factory=ExecutionConfig)
     lying: tuple[Lying, ...] = ()
@@ -81,13 +77,12 @@ class Rehearsal:
 
     def execution(self, packing: Packing, world: int) -> Execution:
         """What becomes of a plan in a world: 0 is the nominal one."""
-        tasks = [task_of(p, self.physics[p.item], self.container) for p in packing.placements]
+        tasks = [task_of(p, self.physics[p.item], self.cell) for p in packing.placements]
         disturbance = Disturbance(SEED + world) if world else None
         motion = replace(self.config.motion, settle=min(SETTLE, self.config.motion.settle))
         config = replace(self.config, motion=motion)
         config = feeling(config) if world else config
-        arm = self.urdf if any(task.joints is not None for task in tasks) else None
-        return run_tasks(tasks, Cell.beside(self.container), config, arm, disturbance, self.lying)
+        return run_tasks(tasks, self.cell, config, disturbance, self.lying)
 
     def blamed_items(self, execution: Execution) -> frozenset[str]:
         """Items of a plan that went wrong when it failed: to these, or to some of them, the failure is owed.
@@ -108,7 +103,7 @@ class Rehearsal:
                 way = item.com_at(pose) - item.com_at(outcome.planned)
                 if float(np.linalg.norm(way)) > DISPLACED:
                     found.add(outcome.item)
-            if item.beyond(self.container, *pose) > OUT:
+            if item.beyond(self.cell.container, *pose) > OUT:
                 pushed = {o.item for o in execution.items if k in o.moved}
                 found |= pushed if outcome is None else {outcome.item}
         return frozenset(found)
@@ -220,7 +215,7 @@ class _Search:
     def pack(self, planner: Planner, sequence: list[str] | None = None) -> Packing:
         """Plan."""
         pile = None if self.start is None else planner.pile(*self.start)
-        return planner.pack(sequence or self.sequence, self.items, self.rehearsal.container, pile)
+        return planner.pack(sequence or self.sequence, self.items, self.rehearsal.cell.container, pile)
 
     def take(self, how: str, packing: Packing) -> bool:
         """Rehearse a plan; True where nothing is left to wish for."""

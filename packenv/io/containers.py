@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from packenv.errors import ContainerError
-from packenv.io.assets import assets_dir
 from packenv.io.tables import read_table, read_text
+from packenv.shipped import assets_dir
 from packenv.types import Container
 
 _SIZES = ("length_m", "width_m", "height_m")

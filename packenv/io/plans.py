@@ -14,8 +14,8 @@ import numpy as np
 
 from packenv.errors import ContainerError, PlanError
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
-from packenv.io.assets import BUILTIN, MEMORY
 from packenv.io.files import write_whole
+from packenv.shipped import BUILTIN, MEMORY
 from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
 from packenv.version import __version__
 

@@ -9,9 +9,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from packenv.errors import CatalogueError, closest_item
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
 from packenv.geometry.meshes import UNITS, check_unit, make_item
-from packenv.io.assets import BUILTIN, MEMORY, assets_dir
 from packenv.io.tables import Row, read_table, read_text
 from packenv.items.mesh_cache import kept_mesh
+from packenv.shipped import BUILTIN, MEMORY, assets_dir
 from packenv.types import Item
 
 TABLE = "objects.csv"

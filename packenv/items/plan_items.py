@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
-from packenv.io.assets import MEMORY
 from packenv.io.plans import EnvelopeRecord, read_plan
 from packenv.items.catalogue import Catalogue, open_catalogue
 from packenv.items.memory import items_of_meshes
@@ -18,6 +17,8 @@ from packenv.planning.options import OWN, Geometry, PlanOptions
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.sequence import pieces_of
+from packenv.robot.cell import Cell
+from packenv.shipped import MEMORY
 from packenv.types import Item, Plan
 
 if TYPE_CHECKING:
@@ -62,6 +63,20 @@ def options_of(plan: Plan) -> PlanOptions:
         return PlanOptions.from_mapping(plan.settings, f"{plan.label}: settings")
     except InputError as problem:
         raise PlanError(str(problem)) from None
+
+
+def cell_of(plan: Plan) -> Cell:
+    """The robot cell that a plan was made for, with the plan's container.
+
+    Raises:
+        PlanError: the plan names a cell that is none.
+    """
+    given = plan.settings.get("cell")
+    try:
+        setup = PlanOptions.from_mapping({"cell": given}, f"{plan.label}: settings").setup
+    except InputError as problem:
+        raise PlanError(str(problem)) from None
+    return setup.with_container(plan.container)
 
 
 def options_again(

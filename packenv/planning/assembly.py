@@ -24,7 +24,6 @@ from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.constraint import StabilityConstraint
 from packenv.planning.stability.margins import MarginRule
 from packenv.planning.tiers import Strategy, Tier
-from packenv.robot.cell import Cell
 from packenv.types import Container, Item, OrientedItem
 
 MARGIN = MarginRule()
@@ -143,14 +142,14 @@ def constraints_of(
     found: list[Constraint] = []
     if options.constraints != "overlap":
         rule = margin_rule(options.stability)
-        checker = StabilityChecker()
+        checker = StabilityChecker(options.setup.friction)
         found.append(
             StabilityConstraint(
                 items.fields, items.masses, checker, rule, options.contacts, with_margin=margins
             )
         )
     if options.constraints == "robot":
-        cell = Cell.beside(container)
+        cell = options.setup.with_container(container)
         found.append(manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp))
     for given in options.own_constraints:
         label = given if isinstance(given, str) else type(given).__name__
@@ -209,6 +208,7 @@ def assemble(
         options.max_checked,
         give_up,
         options.seed,
+        options.setup.release_height,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from packenv.config import GridConfig
@@ -14,6 +15,7 @@ from packenv.extensions import extension_name, is_extension
 if TYPE_CHECKING:  # what these import takes longer than the command line's help may
     from packenv.planning.constraints import Constraint
     from packenv.planning.search.heuristics import Heuristic
+    from packenv.robot.cell import CellSetup
 
 HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "random"]
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
@@ -104,6 +106,8 @@ class PlanOptions:
         tie_break: c of ``hm`` and ``dblf``: weight of X + Y; None takes what measured best, the paper: 1.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
         own_constraints: further ones, each an object or ``module:name``.
+        cell: robot, container's place and friction, as :func:`packenv.load_cell` gives or takes them; None is the
+            TX90 with the container in front of it, as any that is equal to that becomes.
         stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
             while all others are held, and what has no such place goes last; ``margin``: the whole pile also
             survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.execution.physics_planner`).
@@ -141,6 +145,7 @@ class PlanOptions:
         "bring it there",
     )
     own_constraints: Sequence[str | Constraint] = ()
+    cell: CellSetup | None = None
     stability: StabilityRule = _words(
         StabilityRule,
         "cautious",
@@ -227,6 +232,8 @@ class PlanOptions:
                     f"own_constraints has {given!r:.60}, give my_module:MyRule or an object of a class that is "
                     "derived from packenv.Constraint"
                 )
+        if self.cell is not None:
+            object.__setattr__(self, "cell", _cell(self.cell))
         if self.stability == "physics" and self.constraints == "overlap":
             raise InputError(
                 "stability physics: needs force balance, which constraints overlap leaves out; "
@@ -242,6 +249,13 @@ class PlanOptions:
     def asks_physics(self) -> bool:
         """Whether planning needs the physics engine."""
         return self.stability == "physics" or self.rehearse > 0
+
+    @property
+    def setup(self) -> CellSetup:
+        """The robot cell."""
+        from packenv.robot.files import default_cell
+
+        return self.cell or default_cell()
 
     @property
     def shape(self) -> Geometry:
@@ -297,6 +311,7 @@ class PlanOptions:
         if not isinstance(self.heuristic, str) and values["heuristic"] in get_args(HeuristicName):
             values["tie_break"] = getattr(self.heuristic, "c", None)
         values["own_constraints"] = [constraint_label(given) for given in self.own_constraints]
+        values["cell"] = None if self.cell is None else self.cell.to_mapping()
         values["geometry"] = self.shape
         return {**values, **{name: getattr(self.grid, name) for name in _GRID}}
 
@@ -345,6 +360,21 @@ def heuristic_label(heuristic: str | Heuristic) -> str:
 def constraint_label(constraint: str | Constraint) -> str:
     """The name of an own constraint in files and messages: the one that it was given by, if any."""
     return constraint if isinstance(constraint, str) else OWN
+
+
+def _cell(given: object) -> CellSetup | None:
+    """A cell in any of the ways in which it may be given; None for the usual one.
+
+    Raises:
+        InputError: it is none.
+    """
+    from packenv.robot.cell import CellSetup
+    from packenv.robot.files import default_cell, load_cell
+
+    if not isinstance(given, (str, Path, Mapping, CellSetup)):
+        raise InputError(f"cell is {given!r:.60}, give a cell file, a robot's name or packenv.load_cell(...)")
+    found = load_cell(given)
+    return None if found == default_cell() else found
 
 
 def _is_constraint(given: object) -> bool:

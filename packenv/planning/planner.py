@@ -49,6 +49,7 @@ class Planner:
         max_checked: candidates of one orientation set that are put to the constraints.
         give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
         seed: for heuristics that draw.
+        release: how far above its place an item is let go, m.
     """
 
     heuristic: Heuristic
@@ -60,6 +61,7 @@ class Planner:
     max_checked: int = MAX_CHECKED
     give_up: bool = False
     seed: int = 0
+    release: float = RELEASE_HEIGHT
 
     def __post_init__(self) -> None:
         """Check.
@@ -264,7 +266,7 @@ class _Run:
             return inquiry.rejections
         for tier in tiers or planner.strategy.first:
             candidates = grid_search(
-                self.pile.surface, possible, planner.grid.step_cells, tier.clearance, RELEASE_HEIGHT
+                self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
             if len(candidates) and self.among(candidates, tier, piece, route, inquiry):
                 return None

@@ -4,45 +4,56 @@ It is screwed to the flange, its axis on the flange's z. The *tool frame* has it
 the flange's axes, so z points out of the cup, into the item.
 
 The cup is round: its yaw about its own axis is free when it takes an item. It also costs nothing. With the
-cup pointing down, a turn of the tool is a turn of joint 6 alone, and joint 6 has 540°: whatever yaw is asked
-for, the arm's posture, and so what it hits, is the same. A caller may therefore keep one yaw for everything.
+cup pointing down, a turn of the tool is a turn of joint 6 alone: whatever yaw is asked for, the arm's posture,
+and so what it hits, is the same. A caller may therefore keep one yaw for everything.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import dataclass
 
 import numpy as np
 
 from packenv.types import FloatArray
 
-LENGTH: Final = 0.30
-"""Flange to the cup's lip, m."""
-RADIUS: Final = 0.01
-"""m."""
-MASS: Final = 0.25
-"""kg: an aluminium tube with its cup; an assumption, the paper gives none."""
+CUP_RADIUS = 0.01
+"""Radius of the paper's cup, m."""
 
 
-def tool_to_flange(tool_poses: FloatArray) -> FloatArray:
-    """Flange poses that bring the tool to given poses.
+@dataclass(frozen=True)
+class Gripper:
+    """A tube with a cup at its end.
 
-    Args:
-        tool_poses: (..., 4, 4) tool frames.
-
-    Returns:
-        (..., 4, 4) flange frames, in the frame that the tool's were given in.
+    Attributes:
+        length: flange to the cup's lip, m.
+        radius: of tube and cup, m.
+        mass: kg.
+        payload: the heaviest item that it holds, kg; None where that is not known. Recorded, not checked.
     """
-    flange = np.array(tool_poses, dtype=np.float64)
-    flange[..., :3, 3] -= LENGTH * flange[..., :3, 2]
-    return flange
 
+    length: float = 0.30
+    radius: float = CUP_RADIUS
+    mass: float = 0.25
+    payload: float | None = None
 
-def flange_to_tool(flange_poses: FloatArray) -> FloatArray:
-    """Inverse of :func:`tool_to_flange`: (..., 4, 4) flange frames to tool frames."""
-    tool = np.array(flange_poses, dtype=np.float64)
-    tool[..., :3, 3] += LENGTH * tool[..., :3, 2]
-    return tool
+    def tool_to_flange(self, tool_poses: FloatArray) -> FloatArray:
+        """Flange poses that bring the tool to given poses.
+
+        Args:
+            tool_poses: (..., 4, 4) tool frames.
+
+        Returns:
+            (..., 4, 4) flange frames, in the frame that the tool's were given in.
+        """
+        flange = np.array(tool_poses, dtype=np.float64)
+        flange[..., :3, 3] -= self.length * flange[..., :3, 2]
+        return flange
+
+    def flange_to_tool(self, flange_poses: FloatArray) -> FloatArray:
+        """Inverse of :meth:`tool_to_flange`: (..., 4, 4) flange frames to tool frames."""
+        tool = np.array(flange_poses, dtype=np.float64)
+        tool[..., :3, 3] += self.length * tool[..., :3, 2]
+        return tool
 
 
 def top_down(points: FloatArray, yaw: float = 0.0) -> FloatArray:

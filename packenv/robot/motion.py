@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from packenv.robot.tx90 import continuous_branches, forward
-from packenv.robot.tx90_data import VELOCITY
+from packenv.robot.protocol import Robot
 from packenv.types import FloatArray
 
 _SAME: Final = 1e-6
@@ -41,7 +40,13 @@ class Trajectory:
 
 
 def follow(
-    joints: FloatArray, tips: FloatArray, *, speed: float = 0.5, acceleration: float = 2.0, share: float = 0.5
+    joints: FloatArray,
+    tips: FloatArray,
+    velocity: FloatArray,
+    *,
+    speed: float = 0.5,
+    acceleration: float = 2.0,
+    share: float = 0.5,
 ) -> Trajectory:
     """The fastest way along a path that starts and ends at rest within all limits.
 
@@ -51,6 +56,7 @@ def follow(
     Args:
         joints: (m, 6) waypoints, rad.
         tips: (m, 3) where the tool is at each, m.
+        velocity: (6,) largest joint speeds, rad/s.
         speed: largest speed of the tool, m/s.
         acceleration: of the tool, m/s².
         share: of the joints' largest speeds that is used.
@@ -70,7 +76,7 @@ def follow(
     limit = np.full(len(step), speed)
     turned = np.abs(np.diff(path, axis=0))
     with np.errstate(divide="ignore"):
-        limit = np.minimum(limit, (share * VELOCITY / np.maximum(turned / step[:, None], 1e-12)).min(axis=1))
+        limit = np.minimum(limit, (share * velocity / np.maximum(turned / step[:, None], 1e-12)).min(axis=1))
     # Ramps: v² ≤ 2 a s from either end, and from every slower place.
     squared = np.zeros(len(stations))
     squared[1:-1] = np.minimum(limit[:-1], limit[1:]) ** 2
@@ -83,13 +89,14 @@ def follow(
     return Trajectory(np.concatenate([[0.0], np.cumsum(durations)]), path)
 
 
-def refine(joints: FloatArray, *, spacing: float = 0.002) -> FloatArray:
+def refine(robot: Robot, joints: FloatArray, *, spacing: float = 0.002) -> FloatArray:
     """Fill the straight lines between waypoints with further ones, on the same branch.
 
     Straight lines in joint space bulge: by half a millimetre between two waypoints 2 cm apart, which is more
     than the gaps beside a packed item.
 
     Args:
+        robot: whose joints they are.
         joints: (m, 6) waypoints whose flanges have one orientation, rad.
         spacing: largest distance between flanges, m.
 
@@ -99,14 +106,14 @@ def refine(joints: FloatArray, *, spacing: float = 0.002) -> FloatArray:
     Raises:
         ValueError: no branch leads through all waypoints.
     """
-    knots = forward(joints)
+    knots = robot.forward(joints)
     path = [knots[:1]]
     for before, after in pairwise(knots):
         n = max(1, int(np.ceil(np.linalg.norm(after[:3, 3] - before[:3, 3]) / spacing - 1e-9)))
         share = np.arange(1, n + 1)[:, None, None] / n
         path.append(before + share * (after - before))
     places = np.cumsum([0, *(len(part) for part in path[1:])])
-    found = continuous_branches(np.concatenate(path)).q
+    found = robot.continuous_branches(np.concatenate(path)).q
     errors = np.abs(found[:, places] - joints).max(axis=(1, 2))
     if not len(errors) or errors.min() > _SAME:
         raise ValueError("the waypoints do not lie on one branch of the inverse kinematics")

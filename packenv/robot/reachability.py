@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.robot.cell import RIM_CLEARANCE, Cell
+from packenv.robot.cell import RIM_CLEARANCE, Cell, CellSetup
+from packenv.robot.protocol import Robot
 from packenv.types import BoolArray, Container, FloatArray
 
 TALLEST_ITEM = 0.30
@@ -38,7 +39,7 @@ class ReachMap:
     reachable: BoolArray
 
 
-def reach_map(rim: float, radii: FloatArray, levels: int = 13) -> ReachMap:
+def reach_map(robot: Robot, rim: float, radii: FloatArray, levels: int = 13) -> ReachMap:
     """Try the whole path to every cell of the map.
 
     The path to a cup height z begins where an item as tall as possible, that is min(z, ``TALLEST_ITEM``),
@@ -46,6 +47,7 @@ def reach_map(rim: float, radii: FloatArray, levels: int = 13) -> ReachMap:
     with links 2 to 6 above the rim and the arm off itself, from there to z.
 
     Args:
+        robot: with its gripper.
         rim: height of the rim above the base frame's z = 0, m.
         radii: (n,) distances from joint 1's axis, m.
         levels: number of heights.
@@ -54,7 +56,7 @@ def reach_map(rim: float, radii: FloatArray, levels: int = 13) -> ReachMap:
         the map.
     """
     heights = np.linspace(LOWEST_CUP, rim, levels)
-    cell = Cell(Container(0.1, 0.1, rim), (0.0, 0.0, 0.0))
+    cell = Cell(CellSetup(robot), Container(0.1, 0.1, rim), (0.0, 0.0, 0.0))
     reachable = np.zeros((len(radii), levels), dtype=np.bool_)
     for i, r in enumerate(radii):
         for j, z in enumerate(heights):

@@ -1,43 +1,49 @@
-"""The robot as URDF, from the same figures and primitives that the planner checks.
+"""An arm as URDF, from the same figures and primitives that the planner checks.
 
-``python -m packenv.robot.urdf`` prints it; ``assets/robot/tx90.urdf`` holds what it prints.
-A capsule becomes a cylinder and two spheres, which every reader of URDF knows.
+``python -m packenv.robot.urdf tx90`` prints that of a robot, given by its name or file. A capsule becomes a
+cylinder and two spheres, which every reader of URDF knows.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from math import acos, atan2, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from packenv.robot import gripper, tx90_data
-from packenv.robot.shapes import GRIPPER, PRIMITIVES, Primitive
+from packenv.robot.shapes import Primitive
 from packenv.types import FloatArray
 
-_AXES = {"y": "0 1 0", "z": "0 0 1"}
+if TYPE_CHECKING:
+    from packenv.robot.opw import OpwArm
+
+_AXES = "zyyzyz"
+"""Which axis of its frame each joint turns about."""
 _COLOURS = {"arm": "0.93 0.68 0.10 1", "wrist": "0.65 0.66 0.68 1", "gripper": "0.15 0.15 0.17 1"}
 
 
-def urdf_text() -> str:
-    """The whole URDF: links ``base_link``, ``link_1`` to ``link_6``, ``gripper``, ``tool``.
+def urdf_text(robot: OpwArm) -> str:
+    """The whole URDF: the robot's links and joints under their names, then ``gripper`` and ``tool``.
 
-    Joints ``joint_1`` to ``joint_6`` have the zero positions, limits, speeds and torques of ``tx90_data``;
-    ``link_6`` is the flange frame, ``tool`` the cup's lip. Masses are the published ones; centres of mass and
-    inertia are those of the primitives at uniform density.
+    Joints have the robot's own zero positions, limits, speeds and torques; the last link is the flange frame,
+    ``tool`` the cup's lip. Masses are those of the record; centres of mass and inertia are those of the
+    primitives at uniform density.
     """
+    title = robot.title.replace("--", "- -")  # which would end the comment
     lines = [
         '<?xml version="1.0"?>',
-        "<!-- Staubli TX90 with a vacuum gripper. Generated: python -m packenv.robot.urdf -->",
-        '<robot name="tx90_vacuum">',
+        f"<!-- {title} with a vacuum gripper. Generated: python -m packenv.robot.urdf -->",
+        f'<robot name="{robot.name}_vacuum">',
     ]
     for name, rgba in _COLOURS.items():
         lines.append(f'  <material name="{name}"><color rgba="{rgba}"/></material>')
-    for index, name in enumerate(tx90_data.LINK_NAMES):
-        parts = [p for p in PRIMITIVES[:GRIPPER] if p.link == index]
-        colour = "wrist" if index >= 5 else "arm"
-        lines += _link(name, parts, tx90_data.LINK_MASSES[index], colour)
-    lines += _link("gripper", [PRIMITIVES[GRIPPER]], gripper.MASS, "gripper")
+    for index, (name, mass) in enumerate(zip(robot.link_names, robot.link_masses, strict=True)):
+        parts = [p for p in robot.primitives if p.link == index]
+        lines += _link(name, parts, mass, "wrist" if index >= 5 else "arm")
+    tube = robot.shapes.primitives[robot.shapes.gripper]
+    lines += _link("gripper", [tube], robot.gripper.mass, "gripper")
     # A frame without mass would be given 1 kg by PyBullet.
     lines += [
         '  <link name="tool">',
@@ -45,20 +51,21 @@ def urdf_text() -> str:
         '      <inertia ixx="1e-9" ixy="0" ixz="0" iyy="1e-9" iyz="0" izz="1e-9"/></inertial>',
         "  </link>",
     ]
-    for index, (origin, axis) in enumerate(
-        zip(tx90_data.JOINT_ORIGINS, tx90_data.JOINT_AXES, strict=True), start=1
-    ):
-        j = index - 1
+    a = robot.lengths
+    origins = ((0, 0, a.c1), (a.a1, 0, 0), (0, a.b, a.c2), (a.a2, 0, 0), (0, 0, a.c3), (0, 0, a.c4))
+    for j, (joint, origin, axis) in enumerate(zip(robot.joints, origins, _AXES, strict=True)):
+        turn = [0.0 if letter != axis else -joint.offset for letter in "xyz"]
+        along = " ".join(str(joint.sign) if letter == axis else "0" for letter in "xyz")
         lines += [
-            f'  <joint name="joint_{index}" type="revolute">',
-            f'    <parent link="{tx90_data.LINK_NAMES[j]}"/><child link="{tx90_data.LINK_NAMES[index]}"/>',
-            f'    <origin xyz="{_numbers(origin)}" rpy="0 0 0"/><axis xyz="{_AXES[axis]}"/>',
-            f'    <limit lower="{tx90_data.LOWER[j]:.9f}" upper="{tx90_data.UPPER[j]:.9f}" '
-            f'velocity="{tx90_data.VELOCITY[j]:.6f}" effort="{tx90_data.EFFORT[j]:g}"/>',
+            f'  <joint name="{joint.name}" type="revolute">',
+            f'    <parent link="{robot.link_names[j]}"/><child link="{robot.link_names[j + 1]}"/>',
+            f'    <origin xyz="{_numbers(origin)}" rpy="{_numbers(turn, 9)}"/><axis xyz="{along}"/>',
+            f'    <limit lower="{joint.lower:.9f}" upper="{joint.upper:.9f}" '
+            f'velocity="{joint.velocity:.6f}" effort="{joint.effort:g}"/>',
             "  </joint>",
         ]
-    lines += _fixed("flange_gripper", "link_6", "gripper", 0.0)
-    lines += _fixed("gripper_tool", "gripper", "tool", gripper.LENGTH)
+    lines += _fixed("flange_gripper", robot.link_names[6], "gripper", 0.0)
+    lines += _fixed("gripper_tool", "gripper", "tool", robot.gripper.length)
     lines.append("</robot>")
     return "\n".join(lines) + "\n"
 
@@ -148,9 +155,11 @@ def _number(value: float, digits: int = 6) -> str:
     return f"{round(float(value), digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")
 
 
-def _numbers(values: FloatArray | tuple[float, ...], digits: int = 6) -> str:
+def _numbers(values: FloatArray | Sequence[float], digits: int = 6) -> str:
     return " ".join(_number(v, digits) for v in values)
 
 
 if __name__ == "__main__":
-    sys.stdout.write(urdf_text())
+    from packenv.robot.files import load_robot
+
+    sys.stdout.write(load_robot(sys.argv[1] if len(sys.argv) > 1 else "tx90").urdf())

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pybullet
 
-from packenv.robot.tx90_data import LOWER
 from packenv.sim.world import World
 from packenv.types import Frame
 
+_JOINTS = 6
 _STILL_JOINT = 1e-3
 _STILL_ITEM = 2e-4
 
@@ -55,10 +55,10 @@ class Recorder:
 
 def _seen(world: World) -> Frame:
     poses = tuple(world.pose(body) for body in world.items)
-    robot = next((b for b in _bodies(world) if _joint_count(world, b) >= len(LOWER)), None)
+    robot = next((b for b in _bodies(world) if _joint_count(world, b) >= _JOINTS), None)
     joints = None
     if robot is not None:
-        states = pybullet.getJointStates(robot, list(range(len(LOWER))), physicsClientId=world.client)
+        states = pybullet.getJointStates(robot, list(range(_JOINTS)), physicsClientId=world.client)
         joints = np.array([state[0] for state in states])
     return Frame(world.time, joints, poses)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
 from packenv.robot.motion import follow, refine
 from packenv.sim.physics_items import PhysicsItem
@@ -99,7 +98,7 @@ class Way:
             poses = np.repeat(mesh[None], len(lifts), axis=0)
             poses[:, 2, 3] += lifts - task.heights[-1]
             return cls(None, poses, len(heights[0]) - 1)
-        joints = [_sampled(task.joints[part], profile, v, step) for part, v in parts]
+        joints = [_sampled(cell, task.joints[part], profile, v, step) for part, v in parts]
         path = np.concatenate([joints[0], *(q[1:] for q in joints[1:])])
         hold = np.linalg.inv(_tools(cell, task.joints[-1:])[0]) @ mesh
         return cls(path, _tools(cell, path) @ hold, len(joints[0]) - 1)
@@ -125,19 +124,20 @@ class Way:
         """How much lower the item is at index ``k`` than at another, m."""
         return float(self.poses[other, 2, 3] - self.poses[k, 2, 3])
 
-    def moved(self, aside: FloatArray) -> Way | None:
+    def moved(self, aside: FloatArray, cell: Cell) -> Way | None:
         """The same way beside this one; None where the robot's arm cannot follow it.
 
         Args:
-            aside: (2,) x and y, m.
+            aside: (2,) x and y in the container frame, m.
+            cell: where the container is beside the robot.
         """
         poses = self.poses.copy()
         poses[:, :2, 3] += aside
         if self.joints is None:
             return replace(self, poses=poses)
-        flanges = tx90.forward(self.joints)
-        flanges[:, :2, 3] += aside
-        branches = tx90.continuous_branches(flanges).q
+        flanges = cell.robot.forward(self.joints)
+        flanges[:, :2, 3] += cell.turn[:2, :2] @ aside if cell.yaw else aside
+        branches = cell.robot.continuous_branches(flanges).q
         if not len(branches):
             return None
         nearest = int(np.argmin(np.abs(branches - self.joints).max(axis=(1, 2))))
@@ -167,23 +167,30 @@ def ways_out(touch: Touch, com: FloatArray) -> Iterator[FloatArray]:
 
 def _tools(cell: Cell, joints: FloatArray) -> FloatArray:
     """(n, 4, 4) tool frames in the container frame."""
-    tools: FloatArray = gripper.flange_to_tool(tx90.forward(joints))
-    tools[:, :3, 3] = cell.to_container(tools[:, :3, 3])
-    return tools
+    return cell.poses_to_container(cell.robot.tool(joints))
 
 
-def _sampled(joints: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
+def _sampled(cell: Cell, joints: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
     """(n, 6) joints at the world's time steps, both ends included."""
-    fine = refine(joints)
-    tips = gripper.flange_to_tool(tx90.forward(fine))[:, :3, 3]
-    way = follow(fine, tips, speed=speed, acceleration=profile.acceleration, share=profile.share)
+    fine = refine(cell.robot, joints)
+    tips = cell.robot.tool(fine)[:, :3, 3]
+    way = follow(
+        fine,
+        tips,
+        cell.robot.velocity,
+        speed=speed,
+        acceleration=profile.acceleration,
+        share=profile.share,
+    )
     return way.sampled(step)
 
 
 def _sampled_fall(heights: FloatArray, profile: Profile, speed: float, step: float) -> FloatArray:
     """(n,) heights of an ideal hand at the world's time steps: the same profile without joints."""
     tips = np.column_stack([np.zeros((len(heights), 2)), heights])
-    way = follow(np.zeros((len(heights), 6)), tips, speed=speed, acceleration=profile.acceleration)
+    way = follow(
+        np.zeros((len(heights), 6)), tips, np.ones(6), speed=speed, acceleration=profile.acceleration
+    )
     travelled = abs(float(heights[0] - heights[-1])) * np.linspace(0.0, 1.0, len(way.times))
     times = np.minimum(np.arange(int(np.ceil(way.duration / step - 1e-9)) + 1) * step, way.duration)
     down: FloatArray = float(heights[0]) - np.interp(times, way.times, travelled)

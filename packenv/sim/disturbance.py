@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from packenv.geometry.transforms import yaw_rotation
+from packenv.robot.cell import FRICTION
 from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ExecutionConfig
 from packenv.types import FloatArray, Pose
@@ -22,7 +23,7 @@ class Disturbance:
 
     Attributes:
         seed: of all draws.
-        mu: range of the friction coefficient, even.
+        mu: range of the friction coefficient, even, where the nominal one is 0.7; else in proportion.
         mass: largest relative error of a mass, even.
         offset: standard deviation of where an item hangs in the cup, along x and along y, m.
         yaw: standard deviation of how it is turned there, rad.
@@ -38,7 +39,7 @@ class Disturbance:
 
     def config(self, config: ExecutionConfig) -> ExecutionConfig:
         """The settings of the disturbed world."""
-        mu = float(np.random.default_rng([self.seed, 0]).uniform(*self.mu))
+        mu = float(np.random.default_rng([self.seed, 0]).uniform(*self.mu)) * (config.world.mu / FRICTION)
         return replace(config, world=replace(config.world, mu=mu, time_step=self.time_step))
 
     def task(self, task: PlacementTask, step: int) -> PlacementTask:

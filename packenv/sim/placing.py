@@ -89,7 +89,7 @@ def place(
     way = Way.of_task(task, cell, motion.profile, world.config.time_step)
     body = world.add(task.item, *way.held(0))
     world.ghost(body)
-    lower = _Lowering(world, robot, body, task, motion, guard, watch)
+    lower = _Lowering(world, robot, cell, body, task, motion, guard, watch)
     last, felt = lower.along(way, 0)
     tries = motion.retries
     while felt is not None and guard.collided is None:
@@ -123,6 +123,7 @@ class _Lowering:
 
     world: World
     robot: RobotModel | None
+    cell: Cell
     body: int
     task: PlacementTask
     motion: MotionConfig
@@ -176,7 +177,7 @@ class _Lowering:
     def beside(self, way: Way, k: int, felt: Touch) -> Iterator[Way]:
         """Ways beside one that met something at index ``k``, the likeliest first."""
         for aside in ways_out(felt, self.task.item.com_at(way.held(k))):
-            other = way.moved(aside)
+            other = way.moved(aside, self.cell)
             if other is not None:
                 yield other
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from packenv.errors import PlanError
-from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, Cell
+from packenv.robot.cell import Cell
 from packenv.robot.motion import refine
 from packenv.sim.descent import PlacementTask
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.session import Execution, ExecutionConfig, Session
-from packenv.types import Container, Placement
+from packenv.types import Placement
 
 
-def task_of(placement: Placement, item: PhysicsItem, container: Container) -> PlacementTask:
+def task_of(placement: Placement, item: PhysicsItem, cell: Cell) -> PlacementTask:
     """The task of one placement.
 
     A plan that asked the robot tells joints; any other is carried out by an ideal hand without size.
@@ -28,11 +27,12 @@ def task_of(placement: Placement, item: PhysicsItem, container: Container) -> Pl
     """
     path = placement.path
     if path is None:
-        lift = max(container.height + RIM_CLEARANCE - float(placement.corner[2]), RELEASE_HEIGHT)
-        heights = np.array([lift, RELEASE_HEIGHT, 0.0])
+        release = cell.setup.release_height
+        top = cell.container.height + cell.setup.rim_clearance
+        heights = np.array([max(top - float(placement.corner[2]), release), release, 0.0])
         return PlacementTask(item, placement.rotation, placement.position, None, heights)
     try:
-        refine(path.joints)
+        refine(cell.robot, path.joints)
     except ValueError as problem:
         raise PlanError(f"{placement.item}: details.manipulation: {problem}, plan again") from None
     return PlacementTask(item, placement.rotation, placement.position, path.joints, path.cup_heights)
@@ -42,7 +42,6 @@ def run_tasks(
     tasks: Sequence[PlacementTask],
     cell: Cell,
     config: ExecutionConfig,
-    urdf: Path | None,
     disturbance: Disturbance | None = None,
     lying: Sequence[Lying] = (),
 ) -> Execution:
@@ -52,12 +51,12 @@ def run_tasks(
         tasks: in packing sequence.
         cell: container and robot.
         config: settings of the nominal world.
-        urdf: of the robot; None where no task has joints.
         disturbance: makes world and tasks differ from what was planned.
         lying: what the container holds already.
     """
     settings = config if disturbance is None else disturbance.config(config)
-    with Session(cell, settings, urdf, lying=lying) as session:
+    arm = any(task.joints is not None for task in tasks)
+    with Session(cell, settings, arm=arm, lying=lying) as session:
         for step, task in enumerate(tasks, start=len(lying) + 1):
             session.place(task if disturbance is None else disturbance.task(task, step))
             if session.failed:

@@ -1,15 +1,14 @@
-"""The TX90 in a world: its URDF, moved joint by joint without error."""
+"""The robot in a world: its URDF, moved joint by joint without error."""
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pybullet
 
-from packenv.robot import gripper, tx90
 from packenv.robot.cell import Cell
-from packenv.robot.shapes import arm_lowest
 from packenv.sim.world import SCALE, Touch, World
 from packenv.types import FloatArray
 
@@ -22,20 +21,23 @@ _EVERYWHERE = (np.full(3, -np.inf), np.full(3, np.inf))
 class RobotModel:
     """The robot beside the container. It is stiff: its joints are where the trajectory wants them."""
 
-    def __init__(self, world: World, cell: Cell, urdf: Path) -> None:
+    def __init__(self, world: World, cell: Cell) -> None:
         """Load the robot.
 
         Args:
             world: where.
-            cell: where the container is beside it.
-            urdf: of the robot.
+            cell: the robot, and where the container is beside it.
         """
         p, c = pybullet, world.client
         self.world = world
-        base = cell.to_container(np.zeros(3)) * SCALE
-        self.body = int(
-            p.loadURDF(str(urdf), base.tolist(), useFixedBase=True, globalScaling=SCALE, physicsClientId=c)
-        )
+        base = (cell.to_container(np.zeros(3)) * SCALE).tolist()
+        turn = p.getQuaternionFromEuler([0.0, 0.0, -cell.yaw])
+        with tempfile.TemporaryDirectory(prefix="robotpack-") as folder:
+            urdf = Path(folder) / "robot.urdf"
+            urdf.write_text(cell.robot.urdf(), encoding="utf-8")
+            self.body = int(
+                p.loadURDF(str(urdf), base, turn, useFixedBase=True, globalScaling=SCALE, physicsClientId=c)
+            )
         for joint in range(_JOINTS):
             # Bullet brakes every joint of a new robot.
             p.setJointMotorControl2(self.body, joint, p.VELOCITY_CONTROL, force=0.0, physicsClientId=c)
@@ -54,12 +56,13 @@ class RobotModel:
 
         While the arm keeps above all that is in the container, only the gripper needs a look.
         """
-        tool = gripper.flange_to_tool(tx90.forward(self._joints[None]))[0]
-        tip = self._cell.to_container(tool[:3, 3])
-        back = tip - gripper.LENGTH * tool[:3, 2]
-        low, high = np.minimum(tip, back) - gripper.RADIUS, np.maximum(tip, back) + gripper.RADIUS
+        robot, gripper = self._cell.robot, self._cell.robot.gripper
+        tool = self._cell.poses_to_container(robot.tool(self._joints[None]))[0]
+        tip = tool[:3, 3]
+        back = tip - gripper.length * tool[:3, 2]
+        low, high = np.minimum(tip, back) - gripper.radius, np.maximum(tip, back) + gripper.radius
         found = self.world.overlaps(self.body, low, high, _GRIPPER)
-        if arm_lowest(self._joints[None, None])[0, 0] < self._cell.rim:
+        if robot.arm_lowest(self._joints) < self._cell.rim:
             # The base stands on the table that the container's floor is part of.
             for link in range(1, _GRIPPER):
                 found += self.world.overlaps(self.body, _EVERYWHERE[0], _EVERYWHERE[1], link)

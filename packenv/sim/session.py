@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from packenv.geometry.transforms import angle_between
-from packenv.robot.cell import Cell
+from packenv.robot.cell import Cell, CellSetup
 from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
@@ -38,6 +37,11 @@ class ExecutionConfig:
 
     world: WorldConfig = field(default_factory=WorldConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+
+    @classmethod
+    def of(cls, setup: CellSetup) -> ExecutionConfig:
+        """The usual settings, with a cell's friction."""
+        return cls(world=WorldConfig(mu=setup.friction))
 
 
 def feeling(config: ExecutionConfig) -> ExecutionConfig:
@@ -109,8 +113,8 @@ class Session(Closing):
         self,
         cell: Cell,
         config: ExecutionConfig,
-        urdf: Path | None,
         *,
+        arm: bool = True,
         lying: Sequence[Lying] = (),
         gui: bool = False,
         watch: Callable[[World], None] | None = None,
@@ -120,14 +124,14 @@ class Session(Closing):
         Args:
             cell: container and robot.
             config: settings.
-            urdf: of the robot; None where no task has joints.
+            arm: have the robot in the world; not needed where no task has joints.
             lying: what the container holds already, at rest; it counts as planned where it lies.
             gui: open PyBullet's window.
             watch: called after every step, for cameras.
         """
         self.cell, self.config = cell, config
         self.world = World(cell.container, config.world, gui=gui)
-        self._robot = None if urdf is None else RobotModel(self.world, cell, urdf)
+        self._robot = RobotModel(self.world, cell) if arm else None
         self._watch = None if watch is None else lambda: watch(self.world)
         self._outcomes: list[ItemOutcome] = []
         self._bodies = [self.world.add(thing.item, *thing.pose) for thing in lying]

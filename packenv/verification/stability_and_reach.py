@@ -24,8 +24,7 @@ from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.constraint import ContactFinder, contact_finder, grounded
 from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin
-from packenv.robot import gripper, tx90
-from packenv.robot.cell import Cell
+from packenv.robot.protocol import MAX_STEP
 from packenv.types import Contacts, Item, Placement, Plan
 
 JOINT_TOLERANCE = 1e-6
@@ -69,11 +68,11 @@ def recheck(
         return Recheck()
     rule = margin_rule(options.stability)
     find = contact_finder(options.contacts, tight=rule is not None)
-    unstable = _unstable(plan, items, fields, rule, find)
+    unstable = _unstable(plan, items, fields, StabilityChecker(options.setup.friction), rule, find)
     if options.constraints == "stability":
         return Recheck(unstable)
     surfaces = _surfaces_before(plan, items, options.grid.cell_size)
-    checker = ManipulationChecker(Cell.beside(plan.container))
+    checker = ManipulationChecker(options.setup.with_container(plan.container))
     unreachable = tuple(
         step
         for step, placement in list(enumerate(plan.placements, start=1))[plan.lying :]
@@ -102,10 +101,10 @@ def _unstable(
     plan: Plan,
     items: Mapping[str, Item],
     fields: Mapping[str, SurfaceField],
+    checker: StabilityChecker,
     rule: MarginRule | None,
     find: ContactFinder,
 ) -> tuple[int, ...]:
-    checker = StabilityChecker()
     bodies: list[Body] = []
     contacts = no_contacts()
     masses: list[float] = []
@@ -148,7 +147,7 @@ def _reachable(
 ) -> bool:
     oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
-    grasps = generate_grasps(oriented, rule=grasp)
+    grasps = generate_grasps(oriented, rule=grasp, radius=checker.cell.robot.gripper.radius)
     try:
         feasible = checker.check(oriented, corner, surface, grasps).feasible
     except ValueError:  # off the grid: no planner placed it there, and no heightmap tells its way down
@@ -167,7 +166,7 @@ def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker:
     if placement.path is None:
         return False
     joints, grasp, heights = placement.path.joints, placement.path.grasp, placement.path.cup_heights
-    cell = checker.cell
+    cell, robot = checker.cell, checker.cell.robot
     if len(joints) < 3 or not all(np.isfinite(a).all() for a in (joints, grasp, heights)):
         return False
     own = min(float(np.abs(grasp - cup).max()) for cup in cups) <= JOINT_TOLERANCE
@@ -175,11 +174,11 @@ def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker:
     lowered = heights[0] - grasp[2] + placement.corner[2] >= cell.container.height
     spaced = np.all(np.diff(heights) <= 0.0) and -np.diff(heights).min() <= 2 * checker.spacing
     ways = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
-    reached = gripper.flange_to_tool(tx90.forward(joints))
+    reached = robot.tool(joints)
     error = np.abs(reached[:, :3, 3] - cell.to_base(ways)).max()
     down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max()
-    inside = np.all(tx90.limit_margin(joints) >= -1e-9)
-    smooth = np.abs(np.diff(joints, axis=0)).max() <= tx90.MAX_STEP
+    inside = np.all(robot.limit_margin(joints) >= -1e-9)
+    smooth = np.abs(np.diff(joints, axis=0)).max() <= MAX_STEP
     return bool(
         own
         and ends

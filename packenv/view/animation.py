@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from packenv.io.files import write_whole
-from packenv.robot.cell import Cell
+from packenv.items.plan_items import cell_of
 from packenv.types import Frame, Item, Plan, Pose
 from packenv.view.painter import Image, silhouette
 from packenv.view.stage import Stage
@@ -56,7 +56,7 @@ def write_gif(
     """
     from PIL import Image as PillowImage
 
-    stage = Stage(Cell.beside(plan.container), SIZE)
+    stage = Stage(cell_of(plan), SIZE)
     palette = _palette([draw_frame(stage, plan, items, frames[k]) for k in _spread(len(frames), 6)])
     pictures = []
     for number, frame in enumerate(progress(frames), start=1):

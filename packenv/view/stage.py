@@ -10,9 +10,7 @@ import numpy as np
 import trimesh
 
 from packenv.robot.cell import Cell
-from packenv.robot.gripper import LENGTH
-from packenv.robot.shapes import PRIMITIVES, Primitive
-from packenv.robot.tx90 import link_frames
+from packenv.robot.shapes import Primitive
 from packenv.types import FloatArray, Item, Pose
 from packenv.view.camera import camera_around
 from packenv.view.colours import item_colour
@@ -68,10 +66,10 @@ class Stage:
         """
         surfaces = [self._table, *placed_surfaces(placed)]
         if joints is not None:
-            links = link_frames(joints)
-            for link, surface in robot_surfaces(PRIMITIVES):
-                position = self.cell.to_container(links[link, :3, 3])
-                surfaces.append(surface.at(Pose(links[link, :3, :3], position)))
+            robot = self.cell.robot
+            links = self.cell.poses_to_container(robot.link_frames(joints))
+            for link, surface in robot_surfaces(robot.shapes.primitives):
+                surfaces.append(surface.at(Pose(links[link, :3, :3], links[link, :3, 3])))
         return paint(self.cell.container, surfaces, self.camera, QUICK, self._around)
 
 
@@ -101,7 +99,7 @@ def robot_surfaces(primitives: tuple[Primitive, ...]) -> tuple[tuple[int, Surfac
 def _corners(cell: Cell) -> FloatArray:
     """(16, 3) corners of what the camera looks at: the box, the gripper above it, the robot's column."""
     length, width, height = cell.container.size
-    above = height + LENGTH + 0.04
+    above = height + cell.robot.gripper.length + 0.04
     over_box = [(x, y, z) for x in (0.0, length) for y in (0.0, width) for z in (0.0, above)]
     base = cell.to_container(np.zeros(3))
     column = base + [(x, y, z) for x in (-0.03, 0.1) for y in (-0.05, 0.1) for z in (0.05, 0.5)]

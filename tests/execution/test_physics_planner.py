@@ -13,14 +13,13 @@ from packenv.execution.closed_loop import _still_good, run_closed_loop
 from packenv.execution.physics_planner import EXACT, INSIDE, PhysicsConstraint, Scratch, make_planner
 from packenv.execution.rehearsal import Rehearsal
 from packenv.geometry.heightmaps import orient_item
-from packenv.io.assets import robot_urdf
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Trial, Verdict
 from packenv.planning.options import PlanOptions, StabilityRule
 from packenv.planning.packing import Packing
 from packenv.planning.search.measured import Resting, measured_map
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
@@ -34,7 +33,7 @@ from tests.sim.bodies import convex
 
 GRID = GridConfig(cell_size=0.004, grid_step=0.02, n_poses=2, n_yaws=2)
 BOX = Container(0.3, 0.3, 0.2)
-URDF = robot_urdf()
+CELL = default_cell().with_container(BOX)
 NAMES = list(FOUR_BOXES)
 
 
@@ -77,8 +76,8 @@ def test_a_plan_checked_by_physics_stays_where_it_is_in_physics(
     packing = planned(options_of(stability="physics", clearance=0.008), shelf, physics)
     assert packing.complete
     assert all("physics" in p.details for p in packing.placements)
-    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
-    done = run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), URDF)
+    tasks = [task_of(p, physics[p.item], CELL) for p in packing.placements]
+    done = run_tasks(tasks, CELL, ExecutionConfig())
     assert done.success
     assert max(outcome.shift_m for outcome in done.items) < 0.002
 
@@ -92,14 +91,14 @@ def looped(shelf: ItemShelf, physics: dict[str, PhysicsItem], disturbance: Distu
     planner = make_planner(options_of(grasp="paper", clearance=0.012), shelf, BOX, physics)
     packing = planner.pack(NAMES, shelf.prepared, BOX)
     config = ExecutionConfig() if disturbance is None else disturbance.config(ExecutionConfig())
-    with Session(Cell.beside(BOX), config, URDF) as session:
+    with Session(CELL, config) as session:
         return packing, run_closed_loop(
             planner,
             packing,
             session,
             shelf.shapes,
             shelf.prepared,
-            Rehearsal(BOX, physics, URDF, 2),
+            Rehearsal(CELL, physics, 2),
             disturbance,
         )
 
@@ -150,11 +149,11 @@ def test_planning_anew_after_every_item_packs_them_all_too(
 def test_a_rehearsal_goes_on_from_where_things_lie(shelf: ItemShelf, physics: dict[str, PhysicsItem]) -> None:
     """With nothing disturbed, halfway through, it is the rest of the whole execution."""
     packing = planned(options_of(grasp="paper", clearance=0.012), shelf, physics)
-    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
-    whole = run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), URDF)
-    half = run_tasks(tasks[:2], Cell.beside(BOX), ExecutionConfig(), URDF)
+    tasks = [task_of(p, physics[p.item], CELL) for p in packing.placements]
+    whole = run_tasks(tasks, CELL, ExecutionConfig())
+    half = run_tasks(tasks[:2], CELL, ExecutionConfig())
     lying = [Lying(task.item, pose) for task, pose in zip(tasks[:2], half.final, strict=True)]
-    rest = run_tasks(tasks[2:], Cell.beside(BOX), ExecutionConfig(), URDF, lying=lying)
+    rest = run_tasks(tasks[2:], CELL, ExecutionConfig(), lying=lying)
     assert rest.success
     assert [outcome.item for outcome in rest.items] == [task.item.name for task in tasks[2:]]
     assert len(rest.final) == len(whole.final)
@@ -162,7 +161,7 @@ def test_a_rehearsal_goes_on_from_where_things_lie(shelf: ItemShelf, physics: di
         assert np.abs(here - there).max() < 1e-3
     # Elsewhere, what lies there is in the way: nothing is where the plan knows of it.
     aside = [Lying(lying[0].item, Pose(tasks[2].rotation, tasks[2].position)), lying[1]]
-    assert run_tasks(tasks[2:], Cell.beside(BOX), ExecutionConfig(), URDF, lying=aside).cause == "collision"
+    assert run_tasks(tasks[2:], CELL, ExecutionConfig(), lying=aside).cause == "collision"
 
 
 def test_a_placement_is_still_good_until_something_stands_in_its_way(
@@ -177,7 +176,7 @@ def test_a_placement_is_still_good_until_something_stands_in_its_way(
         """With the first item at a corner on the floor."""
         lying = Resting(FOUR_BOXES[first.item], first.rotation, first.position + corner - first.corner)
         measured = measured_map(BOX, GRID.cell_size, [lying])
-        return _still_good(last, FOUR_BOXES[last.item], believed, measured)
+        return _still_good(last, FOUR_BOXES[last.item], believed, measured, 0.01)
 
     assert good(first.corner)
     assert not good(last.corner)
@@ -187,7 +186,7 @@ def test_disturbances_depend_on_seed_and_step_alone(
     physics: dict[str, PhysicsItem], shelf: ItemShelf
 ) -> None:
     packing = planned(options_of(constraints="overlap"), shelf, physics)
-    tasks = [task_of(p, physics[p.item], BOX) for p in packing.placements]
+    tasks = [task_of(p, physics[p.item], CELL) for p in packing.placements]
     one, other = Disturbance(5), Disturbance(5)
     assert one.config(ExecutionConfig()) == other.config(ExecutionConfig())
     slips = [d.task(tasks[0], 2).slip for d in (one, other)]

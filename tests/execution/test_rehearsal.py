@@ -13,17 +13,17 @@ from packenv.items.shelf import ItemShelf
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Leftover
-from tests.execution.test_physics_planner import BOX, GRID, NAMES, options_of, where
+from tests.execution.test_physics_planner import BOX, CELL, GRID, NAMES, options_of, where
 from tests.shapes import box
 from tests.shelf_samples import FOUR_BOXES, shelf_of
-from tests.sim.bodies import BOX as HAND_BOX, URDF, brick, by_hand, convex, slipped
+from tests.sim.bodies import BOX as HAND_BOX, brick, by_hand, convex, slipped
 
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
 ALL = {**FOUR_BOXES, "plank": PLANK, "pole": POLE}
@@ -42,7 +42,7 @@ def physics() -> dict[str, PhysicsItem]:
 def rehearsed(
     planner: Planner, shelf: ItemShelf, physics: dict[str, PhysicsItem], worlds: int = 2, **more: Packing
 ) -> Rehearsed:
-    return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(BOX, physics, URDF, worlds), **more)
+    return pack_rehearsed(planner, NAMES, shelf.prepared, Rehearsal(CELL, physics, worlds), **more)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_a_plan_that_fails_gives_way_to_one_that_does_not(
     loose = make_planner(
         options_of(heuristic="dblf", tie_break=1.0, constraints="overlap"), shelf, BOX, physics
     )
-    stage = Rehearsal(BOX, physics, URDF, 1)
+    stage = Rehearsal(CELL, physics, 1)
     assert not stage.execution(loose.pack(names, shelf.prepared, BOX), 0).success
     done = pack_rehearsed(loose, names, shelf.prepared, stage)
     assert (done.plans, done.survived, done.how) == (2, 1, "hm")
@@ -124,7 +124,7 @@ def test_spares_are_asked_when_the_planner_s_own_plan_fails(
         return Execution(where(packing) == where(other), None, "", (), (), 0.0)
 
     monkeypatch.setattr(Rehearsal, "execution", execution)
-    stage = Rehearsal(BOX, physics, URDF, 2)
+    stage = Rehearsal(CELL, physics, 2)
     done = pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare])
     assert where(done.packing) == where(other)
     assert (done.survived, done.plans, done.how) == (2, 2, "spare 1 hm")
@@ -152,7 +152,7 @@ def test_who_waits_is_spared_the_planner_s_other_heuristics(
 
     monkeypatch.setattr(Planner, "pack", pack)
     monkeypatch.setattr(Rehearsal, "execution", lambda *_: Execution(False, None, "", (), (), 0.0))
-    stage = Rehearsal(BOX, physics, URDF, 1)
+    stage = Rehearsal(CELL, physics, 1)
     for known, own in ({"running": running}, 1), ({"first": running}, 2):
         asked.clear()
         pack_rehearsed(planner, NAMES, shelf.prepared, stage, spares=[spare], **known)
@@ -172,10 +172,10 @@ def test_what_can_never_fit_is_not_planned_again(
 def test_who_is_to_blame() -> None:
     """The one that collides; what it meets away from its place; what sticks out; what pushed that."""
     bricks = {name: brick(name=name) for name in ("first", "second")}
-    stage = Rehearsal(HAND_BOX, bricks, URDF, 1)
+    stage = Rehearsal(default_cell().with_container(HAND_BOX), bricks, 1)
 
     def failed(*tasks: PlacementTask, lying: tuple[Lying, ...] = ()) -> Execution:
-        execution = run_tasks(tasks, Cell.beside(HAND_BOX), ExecutionConfig(), None, None, lying)
+        execution = run_tasks(tasks, default_cell().with_container(HAND_BOX), ExecutionConfig(), None, lying)
         assert not execution.success
         return execution
 

@@ -13,7 +13,7 @@ pytest.importorskip(
 
 from experiments.mujoco_execution import execute_in_mujoco
 from experiments.pose_gap import pose_gap
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.plan_tasks import run_tasks
 from packenv.sim.session import Execution, ExecutionConfig
@@ -21,7 +21,9 @@ from tests.sim.bodies import BOX, ball, brick, by_hand
 
 
 def in_both(tasks: Sequence[PlacementTask]) -> tuple[Execution, Execution]:
-    return run_tasks(tasks, Cell.beside(BOX), ExecutionConfig(), None), execute_in_mujoco(tasks, BOX)
+    return run_tasks(tasks, default_cell().with_container(BOX), ExecutionConfig()), execute_in_mujoco(
+        tasks, BOX
+    )
 
 
 def test_both_engines_leave_a_simple_pile_where_it_was_planned() -> None:

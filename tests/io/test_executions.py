@@ -12,7 +12,7 @@ from PIL import Image
 from packenv.errors import InputError
 from packenv.geometry.transforms import quaternion_to_rotation
 from packenv.io.executions import execution_to_json, mean_lengths, write_execution
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.camera import Frame
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, ExecutionConfig, ItemOutcome
@@ -157,7 +157,7 @@ def frame(count: int, joints: np.ndarray | None = None) -> Frame:
 
 
 def test_a_frame_shows_the_items_that_are_there_and_the_robot_where_there_is_one() -> None:
-    stage = Stage(Cell.beside(PLAN.container), SIZE)
+    stage = Stage(default_cell().with_container(PLAN.container), SIZE)
     empty, two, robot = (draw_frame(stage, PLAN, ITEMS, f) for f in (frame(0), frame(2), frame(0, BENT)))
     assert empty.shape == (SIZE[1], SIZE[0], 3)
     for index in (0, 1):

@@ -69,6 +69,7 @@ def options(draw: st.DrawFn) -> PlanOptions:
         values["heuristic"] = draw(st.sampled_from([f"{HERE}:deepest", f"{HERE}:flattest", OWN]))
     own = st.sampled_from([f"{HERE}:Low", f"{HERE}:Never", OWN])
     values["own_constraints"] = draw(st.lists(own, max_size=3) | st.tuples(own))
+    values["cell"] = draw(st.sampled_from([None, "tx90", "kr10_r1100", {"robot": "tx90", "friction": 0.4}]))
     if values["stability"] == "physics" and values["constraints"] == "overlap":
         values["constraints"] = draw(st.sampled_from(["stability", "robot"]))
     if values["stability"] == "physics" or values["rehearse"]:
@@ -182,6 +183,9 @@ def wrong_values() -> list[tuple[str, object, str]]:
         ("own_constraints", ["Low"], "my_module:MyRule"),
         ("own_constraints", [3], "my_module:MyRule"),
         ("own_constraints", [Low], "my_module:MyRule"),
+        ("cell", 3, "give a cell file"),
+        ("cell", "tx9", "did you mean 'tx90'"),
+        ("cell", {"robot": "tx90", "frction": 0.5}, "did you mean 'friction'"),
     ]
     return cases
 
@@ -198,7 +202,7 @@ def test_a_wrong_value_is_told_in_one_line_with_what_would_be_right(
     assert right in message
     assert "\n" not in message
     assert len(message) < 300
-    if name in rules() or name == "own_constraints":
+    if name in rules() or name in ("own_constraints", "cell"):
         with pytest.raises(InputError, match=name):
             PlanOptions(**{name: value})  # type: ignore[arg-type]
 
@@ -289,9 +293,9 @@ def test_names_are_those_of_the_heuristics() -> None:
 
 
 def test_every_option_has_a_rule_a_meaning_and_a_default_that_keeps_it() -> None:
-    bare = {"own_constraints", "grid"}
+    bare = {"own_constraints", "cell", "grid"}
     assert set(rules()) == {f.name for f in fields(PlanOptions)} - bare
-    assert set(option_names()) == {*rules(), "own_constraints", *(f.name for f in fields(GridConfig))}
+    assert set(option_names()) == {*rules(), "own_constraints", "cell", *(f.name for f in fields(GridConfig))}
     for name, rule in rules().items():
         assert rule.meaning
         rule.check(name, getattr(PlanOptions(), name))

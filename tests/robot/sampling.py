@@ -1,13 +1,19 @@
-"""Random joint angles and paths."""
+"""The robots, and random joint angles of theirs."""
 
 import numpy as np
 
-from packenv.robot.tx90_data import LOWER, UPPER
+from packenv.robot.files import load_robot
+from packenv.robot.protocol import Robot
+
+TX90, KR10 = load_robot("tx90"), load_robot("kr10_r1100")
+ROBOTS = [TX90, KR10]
+LOWER, UPPER = TX90.lower, TX90.upper
 
 
-def random_joints(count: int, seed: int, margin: float = 0.0) -> np.ndarray:
+def random_joints(count: int, seed: int, margin: float = 0.0, robot: Robot = TX90) -> np.ndarray:
     """(count, 6) within the limits, ``margin`` rad away from them."""
-    return np.random.default_rng(seed).uniform(LOWER + margin, UPPER - margin, (count, 6))
+    lower, upper = robot.lower + margin, robot.upper - margin
+    return np.random.default_rng(seed).uniform(lower, upper, (count, 6))
 
 
 def turn_free(difference: np.ndarray) -> np.ndarray:

@@ -4,50 +4,52 @@ import numpy as np
 import pytest
 
 from packenv.io.containers import read_boxes
-from packenv.robot import gripper, tx90
-from packenv.robot.cell import NEAR_EDGE, Cell
+from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
+from packenv.robot.gripper import top_down
 from packenv.robot.reachability import corner_distances, reach_map, share
-from packenv.robot.shapes import COLUMN_RADIUS, arm_lowest
 from packenv.types import Container
-from tests.robot.sampling import random_joints
+from tests.robot.sampling import TX90, random_joints
 
 PAPER = Container(0.32, 0.32, 0.30)
 
 
 def test_tool_and_flange_are_inverse_to_each_other():
-    poses = tx90.forward(random_joints(20, 1))
-    np.testing.assert_allclose(gripper.tool_to_flange(gripper.flange_to_tool(poses)), poses, atol=1e-15)
-    tool = gripper.flange_to_tool(poses)
-    np.testing.assert_allclose(np.linalg.norm(tool[:, :3, 3] - poses[:, :3, 3], axis=1), gripper.LENGTH)
+    poses = TX90.forward(random_joints(20, 1))
+    np.testing.assert_allclose(
+        TX90.gripper.tool_to_flange(TX90.gripper.flange_to_tool(poses)), poses, atol=1e-15
+    )
+    tool = TX90.gripper.flange_to_tool(poses)
+    np.testing.assert_allclose(np.linalg.norm(tool[:, :3, 3] - poses[:, :3, 3], axis=1), TX90.gripper.length)
 
 
 def test_top_down_points_down_at_any_yaw():
     points = np.random.default_rng(2).uniform(size=(3, 4, 3))
     for yaw in (0.0, 0.7, -2.0):
-        poses = gripper.top_down(points, yaw)
+        poses = top_down(points, yaw)
         np.testing.assert_allclose(poses[..., :3, 2], np.broadcast_to([0, 0, -1], points.shape))
         np.testing.assert_allclose(np.linalg.det(poses[..., :3, :3]), 1.0)
         np.testing.assert_array_equal(poses[..., :3, 3], points)
 
 
 def test_base_and_container_frame_are_inverse_to_each_other():
-    cell = Cell.beside(PAPER)
+    cell = default_cell().with_container(PAPER)
     points = np.random.default_rng(3).uniform(size=(5, 3))
     np.testing.assert_allclose(cell.to_container(cell.to_base(points)), points, atol=1e-15)
     np.testing.assert_allclose(cell.to_base(np.zeros(3)), cell.position)
-    pose = gripper.top_down(points)
+    pose = top_down(points)
     np.testing.assert_allclose(cell.poses_to_base(pose)[:, :3, 3], cell.to_base(points))
 
 
 def test_a_cell_is_a_value():
-    assert Cell.beside(PAPER) == Cell.beside(Container(0.32, 0.32, 0.30))
-    assert hash(Cell.beside(PAPER)) == hash(Cell.beside(PAPER))
+    assert default_cell().with_container(PAPER) == default_cell().with_container(Container(0.32, 0.32, 0.30))
+    assert hash(default_cell().with_container(PAPER)) == hash(default_cell().with_container(PAPER))
 
 
 def test_the_path_goes_straight_down_to_the_point():
-    cell = Cell.beside(PAPER)
+    cell = default_cell().with_container(PAPER)
     path = cell.top_down_path(np.array([0.1, 0.2, 0.05]), 0.33, spacing=0.02)
-    cup = cell.to_container(gripper.flange_to_tool(path)[:, :3, 3])
+    cup = cell.to_container(TX90.gripper.flange_to_tool(path)[:, :3, 3])
     np.testing.assert_allclose(cup[-1], [0.1, 0.2, 0.05], atol=1e-12)
     np.testing.assert_allclose(cup[0], [0.1, 0.2, 0.38], atol=1e-12)
     assert np.diff(cup[:, 2]).min() >= -0.02 - 1e-12
@@ -59,10 +61,10 @@ def test_the_path_goes_straight_down_to_the_point():
 
 def test_yaw_costs_joint_6_alone():
     """The promise of gripper.py: whatever the yaw, the arm stands the same."""
-    points = Cell.beside(PAPER).to_base(np.random.default_rng(4).uniform(0, 0.3, (20, 3)))
-    first = tx90.inverse(gripper.tool_to_flange(gripper.top_down(points)))
+    points = default_cell().with_container(PAPER).to_base(np.random.default_rng(4).uniform(0, 0.3, (20, 3)))
+    first = TX90.inverse(TX90.gripper.tool_to_flange(top_down(points)))
     for yaw in np.linspace(-np.pi, np.pi, 9):
-        other = tx90.inverse(gripper.tool_to_flange(gripper.top_down(points, yaw)))
+        other = TX90.inverse(TX90.gripper.tool_to_flange(top_down(points, yaw)))
         np.testing.assert_array_equal(first.valid, other.valid)
         np.testing.assert_allclose(other.q[first.valid][:, :3], first.q[first.valid][:, :3], atol=1e-9)
         np.testing.assert_allclose(
@@ -77,7 +79,7 @@ def test_reach_is_the_same_all_around_the_base():
         counts = set()
         for angle in (0.0, 1.0, -2.5):
             # A container no larger than a cup, put at that azimuth; its rim is what counts.
-            cell = Cell(Container(0.1, 0.1, 0.3), (r * np.cos(angle), r * np.sin(angle), 0.0))
+            cell = Cell(default_cell(), Container(0.1, 0.1, 0.3), (r * np.cos(angle), r * np.sin(angle), 0.0))
             counts.add(len(cell.clear_branches(cell.top_down_path(np.array([0, 0, 0.1]), 0.35))))
         assert len(counts) == 1
 
@@ -87,36 +89,36 @@ def test_every_box_is_served_whole():
     assert len(boxes) >= 6
     radii = np.arange(0.25, 0.88, 0.02)
     for box in boxes.values():
-        corner = Cell.beside(box).position[:2]
+        corner = default_cell().with_container(box).position[:2]
         nearest, farthest = corner_distances(box, corner)
-        assert nearest >= COLUMN_RADIUS + 0.05
+        assert nearest >= TX90.shapes.column_radius + 0.05
         inside = radii[(radii > nearest - 0.03) & (radii < farthest + 0.03)]
-        assert share(reach_map(box.height, inside, levels=4), box, corner) == 1.0
+        assert share(reach_map(default_cell().robot, box.height, inside, levels=4), box, corner) == 1.0
 
 
 def test_out_of_reach_lowers_the_share():
-    reach = reach_map(0.3, np.arange(0.25, 1.2, 0.05), levels=4)
+    reach = reach_map(default_cell().robot, 0.3, np.arange(0.25, 1.2, 0.05), levels=4)
     shares = [share(reach, PAPER, (x, -0.16)) for x in (0.3, 0.5, 0.7, 0.85)]
     assert shares[0] > shares[1] > shares[2] > shares[3] == 0.0
 
 
 def test_clear_branches_keep_above_the_rim():
-    cell = Cell.beside(PAPER)
+    cell = default_cell().with_container(PAPER)
     path = cell.top_down_path(np.array([0.16, 0.16, 0.02]), 0.32)
     found = cell.clear_branches(path)
     assert len(found) > 0
     for q in found.q:
-        assert arm_lowest(q).min() >= cell.rim
-        np.testing.assert_allclose(tx90.forward(q), path, atol=1e-9)
+        assert TX90.arm_lowest(q).min() >= cell.rim
+        np.testing.assert_allclose(TX90.forward(q), path, atol=1e-9)
 
 
 def test_a_container_deeper_than_the_gripper_is_not_served_at_its_floor():
-    cell = Cell.beside(Container(0.32, 0.32, 0.35))
+    cell = default_cell().with_container(Container(0.32, 0.32, 0.35))
     assert len(cell.clear_branches(cell.top_down_path(np.array([0.16, 0.16, 0.01]), 0.36))) == 0
     assert len(cell.clear_branches(cell.top_down_path(np.array([0.16, 0.16, 0.10]), 0.36))) > 0
 
 
 def test_the_container_stands_in_front_of_the_robot():
-    cell = Cell.beside(PAPER)
-    assert cell.position == (NEAR_EDGE, -0.16, 0.0)
+    cell = default_cell().with_container(PAPER)
+    assert cell.position == (0.30, -0.16, 0.0)
     assert cell.rim == 0.30

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from packenv.robot import tx90
-from packenv.robot.tx90_data import LOWER, UPPER
-from tests.robot.sampling import random_joints, turn_free
+from packenv.robot.protocol import MAX_STEP
+from tests.robot.sampling import LOWER, TX90, UPPER, random_joints, turn_free
 
 
 def smooth(start, end, count=40):
@@ -29,14 +28,14 @@ def meets_singularity(line):
 def test_branches_meet_the_path_stay_in_the_limits_and_do_not_jump():
     followed = 0
     for line in random_lines(60, 1):
-        path = tx90.forward(line)
-        found = tx90.continuous_branches(path)
+        path = TX90.forward(line)
+        found = TX90.continuous_branches(path)
         followed += len(found)
         for q in found.q:
-            np.testing.assert_allclose(tx90.forward(q), path, atol=1e-9)
+            np.testing.assert_allclose(TX90.forward(q), path, atol=1e-9)
             assert (q >= LOWER - 1e-9).all()
             assert (q <= UPPER + 1e-9).all()
-            assert np.abs(np.diff(q, axis=0)).max() <= tx90.MAX_STEP
+            assert np.abs(np.diff(q, axis=0)).max() <= MAX_STEP
     assert followed > 60
 
 
@@ -45,7 +44,7 @@ def test_the_joints_that_made_a_path_are_found():
     for line in random_lines(200, 3):
         if meets_singularity(line):
             continue  # there a branch has other continuations too
-        found = tx90.continuous_branches(tx90.forward(line))
+        found = TX90.continuous_branches(TX90.forward(line))
         misfit = np.abs(turn_free(found.q - line)).max(axis=(1, 2))
         assert misfit.min() < 1e-7
         tried += 1
@@ -56,22 +55,22 @@ def test_a_path_backwards_has_the_same_branches():
     for line in random_lines(60, 5):
         if meets_singularity(line):
             continue
-        path = tx90.forward(line)
-        there = tx90.continuous_branches(path)
-        back = tx90.continuous_branches(path[::-1])
+        path = TX90.forward(line)
+        there = TX90.continuous_branches(path)
+        back = TX90.continuous_branches(path[::-1])
         assert there.slots == back.slots
         np.testing.assert_allclose(back.q[:, ::-1], there.q, atol=1e-7)
 
 
 def test_joint_6_is_unwrapped_past_half_a_turn():
     line = smooth(np.array([0.2, 0.5, 1.0, 0.3, 0.7, -4.5]), np.array([0.2, 0.5, 1.0, 0.3, 0.7, 4.5]), 80)
-    found = tx90.continuous_branches(tx90.forward(line))
+    found = TX90.continuous_branches(TX90.forward(line))
     assert np.abs(found.q - line).max(axis=(1, 2)).min() < 1e-9
 
 
 def test_more_than_the_limits_of_joint_6_is_refused():
     line = smooth(np.array([0.2, 0.5, 1.0, 0.3, 0.7, -4.8]), np.array([0.2, 0.5, 1.0, 0.3, 0.7, 4.8]), 80)
-    found = tx90.continuous_branches(tx90.forward(line))
+    found = TX90.continuous_branches(TX90.forward(line))
     assert len(found) == 0
     assert found.beyond_limits > 0
 
@@ -80,7 +79,7 @@ def test_a_path_through_the_wrist_singularity_is_followed():
     start, end = np.array([0.2, 0.5, 1.0, 0.0, -0.4, 0.3]), np.array([0.2, 0.5, 1.0, 0.0, 0.4, 0.3])
     for count in (21, 20):  # with and without a pose in the singularity itself
         line = smooth(start, end, count)
-        found = tx90.continuous_branches(tx90.forward(line))
+        found = TX90.continuous_branches(TX90.forward(line))
         assert np.abs(turn_free(found.q - line)).max(axis=(1, 2)).min() < 1e-7
 
 
@@ -88,42 +87,42 @@ def test_a_path_through_the_wrist_singularity_is_followed():
 def test_a_path_may_begin_or_end_in_the_wrist_singularity(backwards):
     line = smooth(np.array([0.2, 0.5, 1.0, 0.9, 0.0, 0.3]), np.array([0.2, 0.5, 1.0, 0.9, 0.8, 0.3]))
     line = line[::-1] if backwards else line
-    found = tx90.continuous_branches(tx90.forward(line))
+    found = TX90.continuous_branches(TX90.forward(line))
     assert np.abs(turn_free(found.q - line)).max(axis=(1, 2)).min() < 1e-7
 
 
 def test_a_jump_is_refused():
     line = np.array([[0.2, 0.5, 1.0, 0.3, 0.7, 0.0], [1.2, 0.5, 1.0, 0.3, 0.7, 0.0]])
-    assert tx90.continuous_branch(tx90.forward(line)) is None
-    assert tx90.continuous_branch(tx90.forward(line), max_step=1.01) is not None
+    assert TX90.continuous_branch(TX90.forward(line)) is None
+    assert TX90.continuous_branch(TX90.forward(line), max_step=1.01) is not None
 
 
 def test_one_unreachable_pose_ends_every_branch():
-    path = tx90.forward(
+    path = TX90.forward(
         smooth(np.array([0.2, 0.5, 1.0, 0.3, 0.7, 0.0]), np.array([0.4, 0.6, 1.1, 0.3, 0.7, 0.0]))
     )
-    assert len(tx90.continuous_branches(path)) > 0
+    assert len(TX90.continuous_branches(path)) > 0
     path[-1, :3, 3] += 3.0
-    assert len(tx90.continuous_branches(path)) == 0
+    assert len(TX90.continuous_branches(path)) == 0
 
 
 def test_one_pose_is_a_path():
-    path = tx90.forward(random_joints(1, 8))
-    assert len(tx90.continuous_branches(path)) == tx90.inverse(path).valid.sum()
+    path = TX90.forward(random_joints(1, 8))
+    assert len(TX90.continuous_branches(path)) == TX90.inverse(path).valid.sum()
 
 
 def test_the_chosen_branch_has_the_largest_margin():
     for line in random_lines(20, 9):
-        path = tx90.forward(line)
-        found = tx90.continuous_branches(path)
-        chosen = tx90.continuous_branch(path)
+        path = TX90.forward(line)
+        found = TX90.continuous_branches(path)
+        chosen = TX90.continuous_branch(path)
         if chosen is None:
             assert len(found) == 0
         else:
-            margins = [tx90.limit_margin(q).min() for q in found.q]
-            assert tx90.limit_margin(chosen).min() == max(margins)
+            margins = [TX90.limit_margin(q).min() for q in found.q]
+            assert TX90.limit_margin(chosen).min() == max(margins)
 
 
 def test_an_empty_path_is_refused():
     with pytest.raises(ValueError, match="empty"):
-        tx90.continuous_branches(np.empty((0, 4, 4)))
+        TX90.continuous_branches(np.empty((0, 4, 4)))

@@ -1,10 +1,14 @@
 """The arm's primitives against points sampled on them."""
 
 import numpy as np
+import pytest
 
-from packenv.robot import shapes, tx90
-from packenv.robot.shapes import GRIPPER, PRIMITIVES
-from tests.robot.sampling import random_joints
+from tests.robot.sampling import ROBOTS, TX90, random_joints
+
+
+@pytest.fixture(params=ROBOTS, ids=lambda r: r.name)
+def robot(request):
+    return request.param
 
 
 def surface_points(primitive, rng, count=4000):
@@ -34,11 +38,12 @@ def segment_distances(points, ends):
     return np.linalg.norm(points - ends[0] - t[:, None] * axis, axis=1)
 
 
-def test_capsules_enclose_the_primitives():
+def test_capsules_enclose_the_primitives(robot):
     rng = np.random.default_rng(1)
-    for q in random_joints(5, 1):
-        frames, capsules = tx90.link_frames(q), shapes.link_capsules(q)
-        for k, primitive in enumerate(PRIMITIVES):
+    for q in random_joints(5, 1, robot=robot):
+        frames = robot.link_frames(q)
+        capsules = robot.shapes.capsules(frames)
+        for k, primitive in enumerate(robot.shapes.primitives):
             points = in_base(surface_points(primitive, rng), frames[primitive.link])
             distances = segment_distances(points, capsules.ends[k])
             assert distances.max() <= capsules.radii[k] + 1e-12
@@ -46,42 +51,45 @@ def test_capsules_enclose_the_primitives():
             assert distances.max() >= capsules.radii[k] - 1e-3
 
 
-def test_lowest_points_are_the_lowest_sampled_ones():
+def test_lowest_points_are_the_lowest_sampled_ones(robot):
     rng = np.random.default_rng(2)
-    for q in random_joints(10, 2):
-        frames, lowest = tx90.link_frames(q), shapes.lowest_points(q)
-        for k, primitive in enumerate(PRIMITIVES):
+    for q in random_joints(10, 2, robot=robot):
+        frames = robot.link_frames(q)
+        lowest = robot.shapes.lowest_points(frames)
+        for k, primitive in enumerate(robot.shapes.primitives):
             sampled = in_base(surface_points(primitive, rng), frames[primitive.link])[:, 2].min()
             assert lowest[k] <= sampled + 1e-12
             assert lowest[k] >= sampled - 3e-3
 
 
-def test_the_arm_is_links_2_to_6_without_the_gripper():
-    q = random_joints(200, 3)
-    arm = [k for k, p in enumerate(PRIMITIVES) if p.link >= 2 and k != GRIPPER]
-    np.testing.assert_allclose(shapes.arm_lowest(q), shapes.lowest_points(q)[:, arm].min(axis=1), atol=1e-12)
+def test_the_arm_is_links_2_to_6_without_the_gripper(robot):
+    q = random_joints(200, 3, robot=robot)
+    arm = [k for k, p in enumerate(robot.shapes.primitives) if p.link >= 2 and k != robot.shapes.gripper]
+    np.testing.assert_allclose(
+        robot.arm_lowest(q), robot.shapes.lowest_points(robot.link_frames(q))[:, arm].min(axis=1), atol=1e-12
+    )
 
 
-def test_base_and_link_1_stay_in_their_column():
+def test_base_and_link_1_stay_in_their_column(robot):
     rng = np.random.default_rng(4)
     farthest = 0.0
-    for q in random_joints(20, 4):
-        frames = tx90.link_frames(q)
-        for primitive in (p for p in PRIMITIVES if p.link <= 1):
+    for q in random_joints(20, 4, robot=robot):
+        frames = robot.link_frames(q)
+        for primitive in (p for p in robot.shapes.primitives if p.link <= 1):
             points = in_base(surface_points(primitive, rng), frames[primitive.link])
             farthest = max(farthest, np.linalg.norm(points[:, :2], axis=1).max())
-    assert farthest <= shapes.COLUMN_RADIUS + 1e-12
-    assert farthest >= shapes.COLUMN_RADIUS - 1e-3
+    assert farthest <= robot.shapes.column_radius + 1e-12
+    assert farthest >= robot.shapes.column_radius - 1e-3
 
 
-def test_self_collision_is_that_of_the_capsules_axes():
+def test_self_collision_is_that_of_the_capsules_axes(robot):
     """Against distances of points on the axes, 5 mm apart: they differ by less than 5 mm."""
     t = np.linspace(0, 1, 101)[:, None]
     decided = 0
-    for q in random_joints(150, 5):
-        capsules = shapes.link_capsules(q)
+    for q in random_joints(150, 5, robot=robot):
+        capsules = robot.shapes.capsules(robot.link_frames(q))
         links = capsules.links.copy()
-        links[GRIPPER] = 7
+        links[robot.shapes.gripper] = 7
         depth = -np.inf
         for a in range(len(links)):
             for b in range(a + 1, len(links)):
@@ -93,15 +101,15 @@ def test_self_collision_is_that_of_the_capsules_axes():
                 depth = max(depth, -gap)
         if abs(depth) > 0.005:
             decided += 1
-            assert shapes.self_collision(q) == (depth > 0)
+            assert robot.self_collision(q) == (depth > 0)
     assert decided > 100
 
 
 def test_upright_is_free_and_folded_back_is_not():
-    assert not shapes.self_collision(np.zeros(6))
-    assert shapes.self_collision(np.deg2rad([0, -130, -145, 0, 0, 0]))
+    assert not TX90.self_collision(np.zeros(6))
+    assert TX90.self_collision(np.deg2rad([0, -130, -145, 0, 0, 0]))
 
 
-def test_no_configurations_at_all():
-    assert shapes.self_collision(np.empty((0, 6))).shape == (0,)
-    assert shapes.arm_lowest(np.empty((0, 6))).shape == (0,)
+def test_no_configurations_at_all(robot):
+    assert robot.self_collision(np.empty((0, 6))).shape == (0,)
+    assert robot.arm_lowest(np.empty((0, 6))).shape == (0,)

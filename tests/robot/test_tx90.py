@@ -5,10 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from packenv.robot import tx90
 from packenv.robot.kinematics import LIMIT_TOLERANCE
-from packenv.robot.tx90_data import LOWER, UPPER
-from tests.robot.sampling import random_joints, rotation_angle, turn_free
+from tests.robot.sampling import LOWER, TX90, UPPER, random_joints, rotation_angle, turn_free
 
 # The maker's convention (a m, alpha °, d m, theta offset °), published with the ROS-Industrial model.
 DH = (
@@ -33,34 +31,34 @@ def by_dh(q):
 
 
 def pose_errors(q, poses):
-    reached = tx90.forward(q)
+    reached = TX90.forward(q)
     metres = np.linalg.norm(reached[..., :3, 3] - poses[..., :3, 3], axis=-1)
     return metres, rotation_angle(reached[..., :3, :3], poses[..., :3, :3])
 
 
 def test_forward_agrees_with_the_dh_table():
     for q in random_joints(50, 1):
-        np.testing.assert_allclose(tx90.forward(q), by_dh(q), atol=1e-12)
+        np.testing.assert_allclose(TX90.forward(q), by_dh(q), atol=1e-12)
 
 
 def test_all_joints_at_zero_is_the_arm_upright():
-    pose = tx90.forward(np.zeros(6))
+    pose = TX90.forward(np.zeros(6))
     np.testing.assert_allclose(pose[:3, :3], np.eye(3), atol=1e-15)
     np.testing.assert_allclose(pose[:3, 3], [0.05, 0.05, 0.478 + 0.425 + 0.425 + 0.1], atol=1e-15)
 
 
 def test_forward_is_vectorized_over_any_shape():
     q = random_joints(6, 2).reshape(2, 3, 6)
-    frames = tx90.link_frames(q)
+    frames = TX90.link_frames(q)
     assert frames.shape == (2, 3, 7, 4, 4)
-    np.testing.assert_array_equal(frames[1, 2, 6], tx90.forward(q[1, 2]))
+    np.testing.assert_array_equal(frames[1, 2, 6], TX90.forward(q[1, 2]))
     np.testing.assert_array_equal(frames[0, 0, 0], np.eye(4))
 
 
 def test_forward_of_inverse_is_identity_on_ten_thousand_poses():
     q = random_joints(10_000, 3)
-    poses = tx90.forward(q)
-    found = tx90.inverse(poses)
+    poses = TX90.forward(q)
+    found = TX90.inverse(poses)
     metres, radians = pose_errors(found.q, poses[:, None])
     assert found.exists.any(axis=1).all()
     assert np.nanmax(metres) < 1e-9
@@ -69,14 +67,14 @@ def test_forward_of_inverse_is_identity_on_ten_thousand_poses():
 
 def test_the_angles_that_made_a_pose_are_among_its_branches():
     q = random_joints(10_000, 4)
-    found = tx90.inverse(tx90.forward(q))
+    found = TX90.inverse(TX90.forward(q))
     misfit = np.abs(turn_free(found.q - q[:, None])).max(axis=-1)
     misfit[~found.valid] = np.inf
     assert misfit.min(axis=1).max() < 1e-8
 
 
 def test_a_slot_is_one_configuration():
-    q = tx90.inverse(tx90.forward(random_joints(2_000, 5))).q
+    q = TX90.inverse(TX90.forward(random_joints(2_000, 5))).q
     slot = np.arange(8)
     raw = turn_free(q)
     with np.errstate(invalid="ignore"):
@@ -86,7 +84,7 @@ def test_a_slot_is_one_configuration():
         assert not np.any((raw[..., 2] > 0) & (slot % 2 == 1))
     # Shoulder 0 has the wrist centre in front of joint 1, shoulder 1 behind it.
     exists = ~np.isnan(q[..., 0])
-    ahead = tx90.link_frames(q[exists])
+    ahead = TX90.link_frames(q[exists])
     x = np.einsum("ni,ni->n", ahead[:, 1, :3, 0], ahead[:, 5, :3, 3])
     back = np.broadcast_to(slot // 2 % 2 == 1, exists.shape)[exists]
     assert (x[back] < 1e-12).all()
@@ -94,11 +92,11 @@ def test_a_slot_is_one_configuration():
 
 
 def test_turning_the_pose_about_the_base_turns_joint_1_alone():
-    poses = tx90.forward(random_joints(500, 6))
+    poses = TX90.forward(random_joints(500, 6))
     angle = 1.234
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    before, after = tx90.inverse(poses), tx90.inverse(turn @ poses)
+    before, after = TX90.inverse(poses), TX90.inverse(turn @ poses)
     change = turn_free(after.q - before.q)
     np.testing.assert_array_equal(before.exists, after.exists)
     np.testing.assert_allclose(change[before.exists][:, 1:], 0, atol=1e-8)
@@ -106,9 +104,9 @@ def test_turning_the_pose_about_the_base_turns_joint_1_alone():
 
 
 def test_valid_means_some_turn_is_within_the_limits():
-    found = tx90.inverse(tx90.forward(random_joints(300, 7)))
+    found = TX90.inverse(TX90.forward(random_joints(300, 7)))
     for q, valid in zip(found.q[found.exists], found.valid[found.exists], strict=True):
-        turns = tx90.all_turns(q)
+        turns = TX90.all_turns(q)
         assert bool(len(turns)) == bool(valid)
         if valid:
             assert (q >= LOWER - LIMIT_TOLERANCE).all()
@@ -121,24 +119,24 @@ def test_all_turns_lists_every_one():
             q + 2 * np.pi * np.array([a, 0, 0, b, 0, c])
             for a, b, c in itertools.product(range(-2, 3), repeat=3)
         ]
-        inside = [t for t in expected if tx90.limit_margin(t) >= 0]
-        listed = tx90.all_turns(q)
+        inside = [t for t in expected if TX90.limit_margin(t) >= 0]
+        listed = TX90.all_turns(q)
         assert len(listed) == len(inside)
         for turn in inside:
             assert np.abs(listed - turn).max(axis=1).min() < 1e-12
 
 
 def test_joint_6_has_a_second_turn_beyond_90_degrees_only():
-    assert len(tx90.all_turns(np.array([0.5, 0, 0, 0, 0.5, np.deg2rad(80)]))) == 1
-    assert len(tx90.all_turns(np.array([0.5, 0, 0, 0, 0.5, np.deg2rad(100)]))) == 2
+    assert len(TX90.all_turns(np.array([0.5, 0, 0, 0, 0.5, np.deg2rad(80)]))) == 1
+    assert len(TX90.all_turns(np.array([0.5, 0, 0, 0, 0.5, np.deg2rad(100)]))) == 2
 
 
 @pytest.mark.parametrize("small", [0.0, 1e-15, 1e-12, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
 def test_the_wrist_singularity_keeps_its_solutions(small):
     q = random_joints(200, 9, margin=0.1)
     q[:, 4] = small
-    poses = tx90.forward(q)
-    found = tx90.inverse(poses)
+    poses = TX90.forward(q)
+    found = TX90.inverse(poses)
     metres, radians = pose_errors(found.q, poses[:, None])
     assert found.valid.any(axis=1).all()
     # Below WRIST_TOLERANCE joint 4 is not resolved, at the price of that much in orientation at most.
@@ -151,8 +149,8 @@ def test_the_wrist_singularity_keeps_its_solutions(small):
 def test_the_stretched_elbow_keeps_its_solutions(small):
     q = random_joints(200, 10, margin=0.1)
     q[:, 2] = small
-    poses = tx90.forward(q)
-    found = tx90.inverse(poses)
+    poses = TX90.forward(q)
+    found = TX90.inverse(poses)
     metres, radians = pose_errors(found.q, poses[:, None])
     assert found.valid.any(axis=1).all()
     assert np.nanmax(metres) < 1e-9
@@ -164,10 +162,10 @@ def test_the_shoulder_singularity_keeps_its_solutions():
     q = random_joints(200, 11, margin=0.3)
     q[:, 1] = -0.6
     q[:, 2] = np.arcsin(np.sin(0.6) - 0.05 / 0.425) + 0.6
-    poses = tx90.forward(q)
+    poses = TX90.forward(q)
     centre = poses[:, :2, 3] - 0.1 * poses[:, :2, 2]
     np.testing.assert_allclose(np.linalg.norm(centre, axis=1), 0.05, atol=1e-12)
-    found = tx90.inverse(poses)
+    found = TX90.inverse(poses)
     metres, radians = pose_errors(found.q, poses[:, None])
     assert found.valid.any(axis=1).all()
     assert np.nanmax(metres) < 1e-9
@@ -175,24 +173,24 @@ def test_the_shoulder_singularity_keeps_its_solutions():
 
 
 def test_out_of_reach_is_an_answer():
-    pose = tx90.forward(np.zeros(6))
+    pose = TX90.forward(np.zeros(6))
     for metres, there in ((0.0, True), (1e-3, False)):
         moved = pose.copy()
         moved[2, 3] += metres
-        assert tx90.inverse(moved[None]).exists.any() == there
+        assert TX90.inverse(moved[None]).exists.any() == there
 
 
 def test_too_near_to_joint_1_is_out_of_reach():
-    pose = tx90.forward(np.array([0.0, 0.5, 1.0, 0.0, 0.5, 0.0]))
+    pose = TX90.forward(np.array([0.0, 0.5, 1.0, 0.0, 0.5, 0.0]))
     pose[:2, 3] = 0.1 * pose[:2, 2]
-    assert not tx90.inverse(pose[None]).exists.any()
+    assert not TX90.inverse(pose[None]).exists.any()
 
 
 def test_a_bad_shape_is_named():
     with pytest.raises(ValueError, match=r"\(4, 4\)"):
-        tx90.inverse(np.eye(4))
+        TX90.inverse(np.eye(4))
     with pytest.raises(ValueError, match="six joint angles"):
-        tx90.forward(np.zeros(5))
+        TX90.forward(np.zeros(5))
 
 
 def test_every_branch_of_another_solver_is_found():
@@ -201,9 +199,9 @@ def test_every_branch_of_another_solver_is_found():
 
     model = opw.KinematicModel(a1=0.05, a2=0.0, b=0.05, c1=0.478, c2=0.425, c3=0.425, c4=0.1)
     robot = opw.Robot(model, degrees=False)
-    poses = tx90.forward(random_joints(10_000, 12))
+    poses = TX90.forward(random_joints(10_000, 12))
     theirs = robot.reach(RigidTransform.from_matrix(poses), joint_limits=np.stack([LOWER, UPPER], axis=1))
-    ours = tx90.inverse(poses)
+    ours = TX90.inverse(poses)
     # Near the border of the workspace rounding decides; no random pose is that near.
     np.testing.assert_array_equal(~np.isnan(theirs.joints[..., 0]), ours.exists)
     misfit = np.abs(turn_free(theirs.joints - ours.q))[ours.exists]

@@ -6,33 +6,30 @@ import numpy as np
 import pytest
 import trimesh
 
-from packenv.io.assets import robot_urdf
-from packenv.robot import gripper, shapes, tx90
 from packenv.robot.shapes import Primitive
-from packenv.robot.tx90_data import LINK_MASSES, LOWER, UPPER
-from packenv.robot.urdf import mass_properties, urdf_text
+from packenv.robot.urdf import mass_properties
 from tests.conftest import NO_PHYSICS
-from tests.robot.sampling import random_joints
+from tests.robot.sampling import ROBOTS, random_joints
 
 pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
-URDF = robot_urdf()
+
+@pytest.fixture(params=ROBOTS, ids=lambda r: r.name)
+def robot(request):
+    return request.param
 
 
-def test_the_asset_is_what_the_module_prints():
-    assert URDF.read_text(encoding="utf-8") == urdf_text()
-
-
-def test_links_joints_limits_and_masses():
-    robot = ET.fromstring(urdf_text())
-    joints = {j.get("name"): j for j in robot.findall("joint")}
-    for i in range(6):
-        limit = joints[f"joint_{i + 1}"].find("limit")
-        assert float(limit.get("lower")) == pytest.approx(LOWER[i], abs=1e-8)
-        assert float(limit.get("upper")) == pytest.approx(UPPER[i], abs=1e-8)
-    masses = [float(m.get("value")) for m in robot.findall("link/inertial/mass")]
-    assert sum(masses) == pytest.approx(sum(LINK_MASSES) + gripper.MASS, abs=1e-4)
-    for inertia in robot.findall("link/inertial/inertia"):
+def test_links_joints_limits_and_masses(robot):
+    tree = ET.fromstring(robot.urdf())
+    joints = {j.get("name"): j for j in tree.findall("joint")}
+    for i, name in enumerate(robot.joint_names):
+        limit = joints[name].find("limit")
+        assert float(limit.get("lower")) == pytest.approx(robot.lower[i], abs=1e-8)
+        assert float(limit.get("upper")) == pytest.approx(robot.upper[i], abs=1e-8)
+        assert float(limit.get("velocity")) == pytest.approx(robot.velocity[i], abs=1e-5)
+    masses = [float(m.get("value")) for m in tree.findall("link/inertial/mass")]
+    assert sum(masses) == pytest.approx(sum(robot.link_masses) + robot.gripper.mass, abs=1e-4)
+    for inertia in tree.findall("link/inertial/inertia"):
         x, y, z = (float(inertia.get(k)) for k in ("ixx", "iyy", "izz"))
         assert x + y >= z
         assert y + z >= x
@@ -59,43 +56,44 @@ def test_mass_properties_add_up():
 
 
 @pytest.fixture
-def engine():
+def engine(robot, tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot.urdf(), encoding="utf-8")
     client = pybullet.connect(pybullet.DIRECT)
-    body = pybullet.loadURDF(str(URDF), useFixedBase=True, physicsClientId=client)
+    body = pybullet.loadURDF(str(file), useFixedBase=True, physicsClientId=client)
     yield body, client
     pybullet.disconnect(client)
 
 
-def test_pybullet_agrees_on_every_link_frame(engine):
+def test_pybullet_agrees_on_every_link_frame(robot, engine):
     body, client = engine
-    for q in random_joints(100, 1):
+    for q in random_joints(100, 1, robot=robot):
         for i, angle in enumerate(q):
             pybullet.resetJointState(body, i, angle, physicsClientId=client)
-        frames = tx90.link_frames(q)
+        frames = robot.link_frames(q)
         for i in range(6):
             state = pybullet.getLinkState(body, i, computeForwardKinematics=True, physicsClientId=client)
             turn = np.reshape(pybullet.getMatrixFromQuaternion(state[5]), (3, 3))
             np.testing.assert_allclose(state[4], frames[i + 1, :3, 3], atol=1e-6)
             np.testing.assert_allclose(turn, frames[i + 1, :3, :3], atol=1e-6)
         tool = pybullet.getLinkState(body, 7, computeForwardKinematics=True, physicsClientId=client)
-        np.testing.assert_allclose(tool[4], gripper.flange_to_tool(frames[6])[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(tool[4], robot.gripper.flange_to_tool(frames[6])[:3, 3], atol=1e-6)
 
 
-def test_pybullet_agrees_on_the_lowest_points(engine):
+def test_pybullet_agrees_on_the_lowest_points(robot, engine):
     """Its distance from each link to a floor far below; its round shapes have flat facets."""
     body, client = engine
     half = [9.0, 9.0, 0.5]
     shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
     floor = pybullet.createMultiBody(0, shape, basePosition=[0, 0, -2.5], physicsClientId=client)
     compared = 0
-    for q in random_joints(10, 2):
+    for q in random_joints(10, 2, robot=robot):
         for i, angle in enumerate(q):
             pybullet.resetJointState(body, i, angle, physicsClientId=client)
-        lowest = shapes.lowest_points(q)
+        lowest = robot.shapes.lowest_points(robot.link_frames(q))
         for link in range(1, 8):  # 7 is the gripper
-            mine = [
-                k for k, p in enumerate(shapes.PRIMITIVES) if (7 if k == shapes.GRIPPER else p.link) == link
-            ]
+            parts = enumerate(robot.shapes.primitives)
+            mine = [k for k, p in parts if (7 if k == robot.shapes.gripper else p.link) == link]
             near = pybullet.getClosestPoints(body, floor, 9.0, linkIndexA=link - 1, physicsClientId=client)
             assert min(n[8] for n in near) - 2.0 == pytest.approx(lowest[mine].min(), abs=2.5e-3)
             compared += 1

@@ -8,9 +8,7 @@ import numpy as np
 
 from packenv.geometry.ball_fit import Ball
 from packenv.geometry.convex_parts import ConvexParts
-from packenv.io.assets import robot_urdf
-from packenv.robot.cell import Cell
-from packenv.robot.tx90 import continuous_branches
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.session import Execution, ExecutionConfig, Session
@@ -19,7 +17,6 @@ from packenv.types import Container, Item
 from tests import shapes
 
 BOX = Container(0.32, 0.32, 0.30)
-URDF = robot_urdf()
 
 
 def convex(item: Item) -> PhysicsItem:
@@ -50,7 +47,7 @@ def by_robot(
     item: PhysicsItem, size: tuple[float, float, float], corner: tuple[float, float, float]
 ) -> PlacementTask:
     """The robot does the same; the cup holds the middle of the top of a box of this size."""
-    cell = Cell.beside(BOX)
+    cell = default_cell().with_container(BOX)
     place = np.array(corner) + np.array(size) * [0.5, 0.5, 1.0]
     path = np.concatenate(
         [
@@ -59,7 +56,9 @@ def by_robot(
         ]
     )
     heights = path[:, 2, 3] - path[-1, 2, 3]
-    return PlacementTask(item, np.eye(3), np.array(corner), continuous_branches(path).q[0], heights)
+    return PlacementTask(
+        item, np.eye(3), np.array(corner), cell.robot.continuous_branches(path).q[0], heights
+    )
 
 
 def slipped(x: float, y: float) -> np.ndarray:
@@ -75,8 +74,10 @@ def carried_out(
     watch: Callable[[World], None] | None = None,
 ) -> Execution:
     """Tasks in physics, up to a collision."""
-    urdf = URDF if any(task.joints is not None for task in tasks) else None
-    with Session(Cell.beside(BOX), config or ExecutionConfig(), urdf, watch=watch) as session:
+    arm = any(task.joints is not None for task in tasks)
+    with Session(
+        default_cell().with_container(BOX), config or ExecutionConfig(), arm=arm, watch=watch
+    ) as session:
         for task in tasks:
             session.place(task)
             if session.failed:

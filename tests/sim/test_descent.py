@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from packenv.robot import gripper, tx90
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
 from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
 from packenv.sim.session import ExecutionConfig, feeling
 from packenv.sim.world import Touch
+from tests.robot.sampling import TX90
 from tests.sim.bodies import BOX, brick, by_hand, by_robot, carried_out, slipped
 
 SIZE = (0.10, 0.08, 0.05)
@@ -62,19 +62,20 @@ def test_a_robot_feels_the_wall_on_its_way_aside() -> None:
 
 @given(x=st.floats(-0.006, 0.006), y=st.floats(-0.006, 0.006))
 def test_a_way_moved_aside_is_the_same_way_there(x: float, y: float) -> None:
-    task, cell = by_robot(brick(), SIZE, (0.1, 0.1, 0.0)), Cell.beside(BOX)
+    task, cell = by_robot(brick(), SIZE, (0.1, 0.1, 0.0)), default_cell().with_container(BOX)
     way = Way.of_task(task, cell, Profile(), 0.05)
-    moved = way.moved(np.array([x, y]))
+    moved = way.moved(np.array([x, y]), cell)
     assert moved is not None
-    tips = [gripper.flange_to_tool(tx90.forward(w.joints))[:, :3, 3] for w in (way, moved)]
+    tips = [TX90.tool(w.joints)[:, :3, 3] for w in (way, moved)]
     np.testing.assert_allclose(tips[1] - tips[0], np.tile([x, y, 0.0], (len(way), 1)), atol=1e-9)
     np.testing.assert_allclose(moved.poses[:, :3, 3] - way.poses[:, :3, 3], tips[1] - tips[0], atol=1e-9)
     np.testing.assert_array_equal(moved.poses[:, :3, :3], way.poses[:, :3, :3])
 
 
 def test_a_way_that_the_arm_cannot_follow_is_none() -> None:
-    way = Way.of_task(by_robot(brick(), SIZE, (0.1, 0.1, 0.0)), Cell.beside(BOX), Profile(), 0.05)
-    assert way.moved(np.array([5.0, 0.0])) is None
+    cell = default_cell().with_container(BOX)
+    way = Way.of_task(by_robot(brick(), SIZE, (0.1, 0.1, 0.0)), cell, Profile(), 0.05)
+    assert way.moved(np.array([5.0, 0.0]), cell) is None
 
 
 @given(angle=st.floats(0.0, 6.28), rise=st.floats(-0.9, 0.9), depth=st.floats(0.0, 0.002))
@@ -98,7 +99,7 @@ def test_some_way_out_leads_close_to_anywhere_near() -> None:
 
 
 def test_above_is_the_last_place_high_enough() -> None:
-    way = Way.of_task(by_hand(brick(), (0.1, 0.1, 0.0)), Cell.beside(BOX), Profile(), 0.01)
+    way = Way.of_task(by_hand(brick(), (0.1, 0.1, 0.0)), default_cell().with_container(BOX), Profile(), 0.01)
     k = way.above(way.release, 0.03)
     heights = way.poses[:, 2, 3]
     assert heights[k] >= heights[way.release] + 0.03 > heights[k + 1]

@@ -19,10 +19,11 @@ from packenv.items.plan_maker import make_plan
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.options import Constraints, GraspRule, PlanOptions, StabilityRule
-from packenv.robot import gripper, tx90
-from packenv.robot.cell import Cell
+from packenv.robot.files import default_cell
+from packenv.robot.gripper import top_down
 from packenv.types import Container, FloatArray, OrderLine, Placement, Plan, RobotPath
 from packenv.verification.stability_and_reach import Recheck, recheck
+from tests.robot.sampling import TX90
 from tests.shapes import box, cup, cylinder
 from tests.shelf_samples import shelf_of
 
@@ -144,8 +145,8 @@ def test_a_turn_of_the_last_joint_beyond_its_limit_is_found(robot_plan: Plan, sh
     joints, _, _ = told(robot_plan, 1)
     spin = joints.copy()
     spin[:, 5] += 2 * np.pi * np.where(joints[:, 5].mean() > 0, 1, -1)
-    assert np.all(tx90.limit_margin(spin) < 0)
-    np.testing.assert_allclose(tx90.forward(spin), tx90.forward(joints), atol=1e-9)
+    assert np.all(TX90.limit_margin(spin) < 0)
+    np.testing.assert_allclose(TX90.forward(spin), TX90.forward(joints), atol=1e-9)
     assert again(with_path(robot_plan, 1, joints=spin), shelf).unreachable_steps == (1,)
 
 
@@ -228,10 +229,10 @@ def test_a_jump_to_another_branch_is_unreachable(robot_plan: Plan, shelf: ItemSh
     """Alg. 1 wants one continuous motion; here one waypoint is reached by another posture of the arm."""
     joints, grasp, heights = told(robot_plan, 1)
     middle = len(joints) // 2
-    cup = Cell.beside(BOX).to_base(np.array([[*grasp[:2], heights[middle]]]))
-    found = tx90.inverse(gripper.tool_to_flange(gripper.top_down(cup)))
+    cup = default_cell().with_container(BOX).to_base(np.array([[*grasp[:2], heights[middle]]]))
+    found = TX90.inverse(TX90.gripper.tool_to_flange(top_down(cup)))
     postures = found.q[0][found.valid[0]]
-    postures = postures[tx90.limit_margin(postures) >= 0]
+    postures = postures[TX90.limit_margin(postures) >= 0]
     far = postures[np.argmax(np.abs(postures - joints[middle]).max(axis=1))]
     assert np.abs(far - joints[middle]).max() > 0.5
     jump = joints.copy()

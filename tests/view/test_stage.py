@@ -8,16 +8,14 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import psutil
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from packenv.robot.cell import Cell
-from packenv.robot.gripper import flange_to_tool
-from packenv.robot.shapes import PRIMITIVES
-from packenv.robot.tx90 import forward
+from packenv.robot.files import default_cell
 from packenv.types import Container, FloatArray, Item, Pose
 from packenv.view import surfaces
 from packenv.view.colours import item_colour
@@ -46,7 +44,7 @@ SCENE = scene()
 
 
 def stage(container: Container = CONTAINER, size: tuple[int, int] = SIZE) -> Stage:
-    return Stage(Cell.beside(container), size)
+    return Stage(default_cell().with_container(container), size)
 
 
 def projected(points: FloatArray, there: Stage) -> FloatArray:
@@ -189,7 +187,8 @@ def test_the_arm_is_seen_and_follows_its_joints() -> None:
 
 def test_the_robot_is_drawn_as_it_is_checked() -> None:
     """Every primitive's surface lies at its radius, closed and turned outwards."""
-    for (link, surface), primitive in zip(robot_surfaces(PRIMITIVES), PRIMITIVES, strict=True):
+    primitives = default_cell().robot.shapes.primitives
+    for (link, surface), primitive in zip(robot_surfaces(primitives), primitives, strict=True):
         assert link == primitive.link
         start, end = np.array(primitive.start), np.array(primitive.end)
         along = (end - start) / np.linalg.norm(end - start)
@@ -207,10 +206,10 @@ def test_the_robot_is_drawn_as_it_is_checked() -> None:
 
 def test_at_home_the_cup_is_above_the_middle_of_the_rim() -> None:
     there = stage()
-    tool = there.cell.to_container(flange_to_tool(forward(there.home[None]))[0, :3, 3])
+    tool = there.cell.to_container(there.cell.robot.tool(there.home[None])[0, :3, 3])
     assert tool == pytest.approx([0.16, 0.16, 0.36], abs=1e-6)
     assert (there.draw([], there.home) != there.draw([])).any(axis=2).mean() > 0.03
-    far = Stage(Cell(CONTAINER, (3.0, 0.0, 0.0)), SIZE)
+    far = Stage(replace(there.cell, position=(3.0, 0.0, 0.0)), SIZE)
     assert np.array_equal(far.home, np.zeros(6))
 
 

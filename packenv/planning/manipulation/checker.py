@@ -1,7 +1,7 @@
 """Manipulation feasibility of a candidate (paper Sec. III-D, Alg. 1: ``isManipFeasible``).
 
 The cup holds the item by a grasp, in the orientation in which it will lie. The path leads straight down from
-where the item's lowest point is ``RIM_CLEARANCE`` above the rim to the *release*, 1 cm above the placement
+where the item's lowest point is 1 cm above the rim to the *release*, 1 cm above the placement
 (Sec. V), where the cup lets go. Joints are also found for the placement itself.
 
 What is asked, cheapest first, and why the answer holds along the whole path:
@@ -14,7 +14,7 @@ What is asked, cheapest first, and why the answer holds along the whole path:
    then below the lip, there and at every waypoint above. The held item itself is below the lip by the
    grasp's definition (:class:`packenv.planning.manipulation.grasps.Grasp`).
 3. *Arm*: one inverse-kinematics branch follows all waypoints within the joint limits
-   (:func:`packenv.robot.tx90.continuous_branches`).
+   (:meth:`packenv.robot.protocol.Robot.continuous_branches`).
 4. *Links*: on that branch links 2 to 6 stay above the rim, so they meet neither walls nor placed items, the
    arm keeps off itself (:meth:`packenv.robot.cell.Cell.arm_clear`), and no link meets the held item's
    bounding box.
@@ -35,10 +35,8 @@ import numpy as np
 from packenv.planning.manipulation import cup_kernels
 from packenv.planning.manipulation.grasps import Grasp
 from packenv.planning.search.container_map import ContainerMap
-from packenv.robot import gripper
-from packenv.robot.cell import RELEASE_HEIGHT, RIM_CLEARANCE, WAYPOINT_STEP, Cell
-from packenv.robot.shapes import link_capsules
-from packenv.robot.tx90 import continuous_branches, limit_margin
+from packenv.robot.cell import WAYPOINT_STEP, Cell
+from packenv.robot.gripper import top_down
 from packenv.types import FloatArray, OrientedItem
 
 Reason: TypeAlias = Literal[
@@ -97,29 +95,24 @@ class ManipulationResult:
 class ManipulationChecker:
     """Checks candidates for one robot cell."""
 
-    def __init__(
-        self, cell: Cell, *, release: float = RELEASE_HEIGHT, spacing: float = WAYPOINT_STEP
-    ) -> None:
+    def __init__(self, cell: Cell, *, spacing: float = WAYPOINT_STEP) -> None:
         """Keep the settings.
 
         Args:
-            cell: where the container stands.
-            release: how far above the placement the cup lets go, m, 0 to ``RIM_CLEARANCE``.
+            cell: the robot, and where the container stands.
             spacing: largest distance of two waypoints, m, above 0.
 
         Raises:
-            ValueError: a setting is outside its range.
+            ValueError: ``spacing`` is not positive.
         """
-        if not (0.0 <= release <= RIM_CLEARANCE and spacing > 0.0):
-            raise ValueError(
-                f"release is {release:g} and spacing {spacing:g}, "
-                f"give release within 0 to {RIM_CLEARANCE:g} and spacing > 0"
-            )
+        if not spacing > 0.0:
+            raise ValueError(f"spacing is {spacing:g}, give spacing > 0")
         self.cell = cell
-        self.release = release
+        self.release = cell.setup.release_height
         self.spacing = spacing
+        self._in_column = cell.in_column
         # The flange where the lip is at the base frame's origin: every waypoint is this, moved.
-        self._flange = gripper.tool_to_flange(gripper.top_down(np.zeros(3)))
+        self._flange = cell.robot.gripper.tool_to_flange(top_down(np.zeros(3)))
 
     def check(
         self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap, grasps: Sequence[Grasp]
@@ -145,6 +138,8 @@ class ManipulationChecker:
             return ManipulationResult("no-grasp", None, None, None, 0)
         if self._blocked(oriented, ix, iy, float(corner[2]), surface):
             return ManipulationResult("held-item-blocked", None, None, None, 0)
+        if self._in_column:
+            return ManipulationResult("link-collision", None, None, None, 0)
         farthest: Reason = "gripper-hits-wall"
         for tried, grasp in enumerate(grasps, start=1):
             reason = self._gripper_blocked(corner + grasp.point, surface)
@@ -186,17 +181,17 @@ class ManipulationChecker:
     def _gripper_blocked(self, point: FloatArray, surface: ContainerMap) -> Reason | None:
         """What the tube meets between the release and the top; ``point`` is the lip's at the placement."""
         x, y, lip = float(point[0]), float(point[1]), float(point[2]) + self.release
-        box = surface.container
-        edge = gripper.RADIUS - TOLERANCE
+        box, radius = surface.container, self.cell.robot.gripper.radius
+        edge = radius - TOLERANCE
         beside = x < edge or y < edge or x > box.length - edge or y > box.width - edge
         if beside and lip < box.height:
             return "gripper-hits-wall"
-        highest = cup_kernels.highest_under(surface.heights, x, y, gripper.RADIUS, surface.cell_size)
+        highest = cup_kernels.highest_under(surface.heights, x, y, radius, surface.cell_size)
         return "gripper-hits-item" if highest > lip + TOLERANCE else None
 
     def _lip_heights(self, z: float, lip: float) -> FloatArray:
         """Waypoints from above the rim to the release, and the placement."""
-        top = self.cell.container.height + RIM_CLEARANCE
+        top = self.cell.container.height + self.cell.setup.rim_clearance
         bottom = z + self.release
         steps = max(1, math.ceil((top - bottom) / self.spacing - 1e-9))
         heights = np.empty(steps + 2)
@@ -211,25 +206,28 @@ class ManipulationChecker:
         self, oriented: OrientedItem, corner: FloatArray, grasp: Grasp, lips: FloatArray
     ) -> FloatArray | Reason:
         """(m, 6) joints of the branch that is farthest from the limits, or why there is none."""
+        cell, robot = self.cell, self.cell.robot
         at = corner + grasp.point
         path = np.empty((len(lips), 4, 4))
         path[:] = self._flange
-        path[:, :3, 3] += self.cell.to_base(at)
+        path[:, :3, 3] += cell.to_base(at)
         path[:, 2, 3] += lips - at[2]
-        branches = continuous_branches(path)
+        branches = robot.continuous_branches(path)
         if not len(branches):
             return "joint-limits" if branches.beyond_limits else "unreachable"
-        # The held item's box at every waypoint.
-        low = path[:, :3, 3] - self._flange[:3, 3] - grasp.point
+        # The held item's box at every waypoint, along the container's axes.
+        lip = path[:, :3, 3] - self._flange[:3, 3]
+        low = (lip @ cell.turn if cell.yaw else lip) - grasp.point
         hit = np.empty(1, dtype=np.bool_)
-        for k in np.argsort(-limit_margin(branches.q).min(axis=1), kind="stable"):
+        for k in np.argsort(-robot.limit_margin(branches.q).min(axis=1), kind="stable"):
             q = branches.q[k : k + 1]
-            if not self.cell.arm_clear(q)[0]:
+            if not cell.arm_clear(q)[0]:
                 continue
-            capsules = link_capsules(q)
+            capsules = robot.shapes.capsules(robot.link_frames(q))
+            ends = capsules.ends @ cell.turn if cell.yaw else capsules.ends
             # The gripper, the last capsule, does touch the item.
             cup_kernels.meets_box(
-                capsules.ends[:, :, :-1], capsules.radii[:-1], low, low + oriented.extents, _BALLS, hit
+                ends[:, :, :-1], capsules.radii[:-1], low, low + oriented.extents, _BALLS, hit
             )
             if not hit[0]:
                 joints: FloatArray = q[0]

@@ -44,7 +44,9 @@ class ManipulationConstraint(Constraint):
         """The grasps of an oriented item, generated once."""
         grasps = self._grasps.get(oriented)
         if grasps is None:
-            grasps = self._grasps[oriented] = generate_grasps(oriented, rule=self.rule)
+            grasps = self._grasps[oriented] = generate_grasps(
+                oriented, rule=self.rule, radius=self.checker.cell.robot.gripper.radius
+            )
         return grasps
 
     def check(self, trial: Trial, surface: ContainerMap, state: None) -> Verdict:

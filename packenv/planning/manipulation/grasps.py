@@ -29,7 +29,7 @@ import numpy as np
 
 from packenv.planning.manipulation import cup_kernels
 from packenv.planning.options import GraspRule
-from packenv.robot import gripper
+from packenv.robot.gripper import CUP_RADIUS
 from packenv.types import FloatArray, IntArray, OrientedItem
 
 Kind: TypeAlias = Literal["centre", "flat", "rough"]
@@ -67,7 +67,7 @@ class Grasp:
 
 
 def generate_grasps(
-    oriented: OrientedItem, *, rule: GraspRule = "seal", radius: float = gripper.RADIUS, limit: int = 8
+    oriented: OrientedItem, *, rule: GraspRule = "seal", radius: float = CUP_RADIUS, limit: int = 8
 ) -> tuple[Grasp, ...]:
     """Places where the cup can take an item, the best first.
 

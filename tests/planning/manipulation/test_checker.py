@@ -22,12 +22,12 @@ from packenv.planning.manipulation.checker import (
 from packenv.planning.manipulation.grasps import Grasp, generate_grasps
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.container_map import ContainerMap
-from packenv.robot import gripper, tx90
 from packenv.robot.cell import RIM_CLEARANCE, Cell
-from packenv.robot.shapes import GRIPPER, PRIMITIVES, arm_lowest
-from packenv.robot.tx90 import MAX_STEP
+from packenv.robot.files import default_cell
+from packenv.robot.protocol import MAX_STEP
 from packenv.types import Container, Item, OrientedItem
 from tests.planning.search.random_maps import CELL, quantized, random_oriented, random_surface
+from tests.robot.sampling import TX90
 from tests.shapes import ball, box, cup
 
 PAPER = Container(0.32, 0.32, 0.30)
@@ -40,7 +40,7 @@ def oriented_of(item: Item, rotation=None) -> OrientedItem:
 
 def grasp_at(oriented: OrientedItem, x: float, y: float) -> Grasp:
     """The cup on a point, whatever the seal."""
-    z = cup_kernels.highest_under(oriented.top, x, y, gripper.RADIUS, CELL)
+    z = cup_kernels.highest_under(oriented.top, x, y, TX90.gripper.radius, CELL)
     return Grasp(np.array([x, y, z]), "rough", 0.0, 0.0)
 
 
@@ -73,7 +73,7 @@ class Scene:
             float(rng.uniform(-0.3, 0.3)),
             float(rng.choice([0, 0.1, 0.4])),
         )
-        return cls(Cell(surface.container, position), surface, oriented, corner, grasps)
+        return cls(Cell(default_cell(), surface.container, position), surface, oriented, corner, grasps)
 
     def check(self, **other) -> ManipulationResult:
         s = replace(self, **other)
@@ -101,7 +101,7 @@ def test_an_answer_is_whole(scenes) -> None:
         placed = scene.corner + found.grasp.point
         lips = found.lip_heights
         assert found.grasp is scene.grasps[found.grasps_tried - 1]
-        cups = scene.cell.to_container(gripper.flange_to_tool(tx90.forward(found.joints))[:, :3, 3])
+        cups = scene.cell.to_container(TX90.tool(found.joints)[:, :3, 3])
         np.testing.assert_allclose(cups[:, :2], np.tile(placed[:2], (len(lips), 1)), atol=1e-9)
         np.testing.assert_allclose(cups[:, 2], lips, atol=1e-9)
         assert lips[-1] == pytest.approx(placed[2])
@@ -111,8 +111,8 @@ def test_an_answer_is_whole(scenes) -> None:
         assert np.all(np.diff(lips) < 0)
         assert np.all(np.diff(lips) >= -0.02 - 1e-9)
         assert np.abs(np.diff(found.joints, axis=0)).max() <= MAX_STEP
-        assert tx90.limit_margin(found.joints).min() >= -1e-8
-        assert arm_lowest(found.joints).min() >= scene.cell.rim
+        assert TX90.limit_margin(found.joints).min() >= -1e-8
+        assert TX90.arm_lowest(found.joints).min() >= scene.cell.rim
 
 
 def test_translating_scene_and_robot_together_changes_nothing(scenes) -> None:
@@ -131,12 +131,13 @@ def test_translating_scene_and_robot_together_changes_nothing(scenes) -> None:
         shift = np.array([ix * CELL, iy * CELL, 0.0])
         x, y, z = np.array(scene.cell.position) - shift
         if found.reason == "gripper-hits-wall" or any(
-            np.min([p := (scene.corner + g.point)[:2], np.array([c.length, c.width]) - p]) < gripper.RADIUS
+            np.min([p := (scene.corner + g.point)[:2], np.array([c.length, c.width]) - p])
+            < TX90.gripper.radius
             for g in scene.grasps
         ):
             continue
         again = scene.check(
-            cell=Cell(wide, (float(x), float(y), float(z))),
+            cell=Cell(default_cell(), wide, (float(x), float(y), float(z))),
             surface=ContainerMap(wide, CELL, heights),
             corner=scene.corner + shift,
         )
@@ -191,8 +192,11 @@ def test_compiled_kernels_equal_the_definitions(scenes) -> None:
             x, y = (scene.corner + grasp.point)[:2]
             dx = np.maximum(np.abs((i + 0.5) * CELL - x) - CELL / 2, 0)
             dy = np.maximum(np.abs((j + 0.5) * CELL - y) - CELL / 2, 0)
-            under = heights[np.hypot(dx, dy) < gripper.RADIUS - 1e-6]
-            assert cup_kernels.highest_under(scene.surface.heights, x, y, gripper.RADIUS, CELL) == under.max()
+            under = heights[np.hypot(dx, dy) < TX90.gripper.radius - 1e-6]
+            assert (
+                cup_kernels.highest_under(scene.surface.heights, x, y, TX90.gripper.radius, CELL)
+                == under.max()
+            )
 
 
 def test_capsules_that_meet_a_box_are_found() -> None:
@@ -258,14 +262,14 @@ def _round_body(start, end, radius: float, capsule: bool) -> fcl.CollisionObject
 
 def _robot(cell: Cell, q: np.ndarray) -> list[fcl.CollisionObject]:
     """Every primitive of the arm at one waypoint, container frame; the gripper, the last, 20 µm slimmer."""
-    frames = tx90.link_frames(q)
+    frames = TX90.link_frames(q)
     bodies = []
-    for k, p in enumerate(PRIMITIVES):
+    for k, p in enumerate(TX90.shapes.primitives):
         frame = frames[p.link]
         start, end = (frame[:3, :3] @ np.array(e) + frame[:3, 3] for e in (p.start, p.end))
         start, end = cell.to_container(start), cell.to_container(end)
         radius = p.radius
-        if k == GRIPPER:
+        if k == TX90.shapes.gripper:
             end, radius = end + np.array([0, 0, 2e-5]), radius - 2e-5
         bodies.append(_round_body(start, end, radius, p.capsule))
     return bodies
@@ -309,7 +313,7 @@ def assert_path_is_free(
 def random_pile(meshes: list[Item], seed: int, rule: str, every: int) -> tuple[int, int]:
     """Fill a container at random; every accepted path must be free, every refusal by the gripper earned."""
     rng = np.random.default_rng(seed)
-    cell = Cell.beside(PAPER)
+    cell = default_cell().with_container(PAPER)
     checker = ManipulationChecker(cell)
     surface, pile = ContainerMap.empty(PAPER, CELL), []
     accepted = refused = 0
@@ -349,8 +353,8 @@ def random_pile(meshes: list[Item], seed: int, rule: str, every: int) -> tuple[i
 def _assert_gripper_meets(pile: list[Placed], lip: np.ndarray) -> None:
     """A tube wider by one cell's diagonal does meet an item: the maps refuse no more than that."""
     start = lip - np.array([0, 0, 2 * HEIGHT_QUANTUM])
-    wide = gripper.RADIUS + CELL * np.sqrt(2)
-    tube = _round_body(start, start + np.array([0, 0, gripper.LENGTH]), wide, capsule=False)
+    wide = TX90.gripper.radius + CELL * np.sqrt(2)
+    tube = _round_body(start, start + np.array([0, 0, TX90.gripper.length]), wide, capsule=False)
     assert any(_meet(tube, p.mesh) for p in pile)
 
 
@@ -387,7 +391,7 @@ def with_box(surface: ContainerMap, size, at, z: float = 0.0) -> ContainerMap:
 
 def check(item: OrientedItem, corner, surface=None, grasps=None, cell=None) -> ManipulationResult:
     surface = empty() if surface is None else surface
-    checker = ManipulationChecker(Cell.beside(surface.container) if cell is None else cell)
+    checker = ManipulationChecker(default_cell().with_container(surface.container) if cell is None else cell)
     grasps = generate_grasps(item) if grasps is None else grasps
     return checker.check(item, np.array(corner, dtype=float), surface, grasps)
 
@@ -459,7 +463,7 @@ def test_what_is_not_inside_is_blocked() -> None:
 
 def test_a_far_container_is_out_of_reach() -> None:
     item = oriented_of(ball(0.04))
-    cell = Cell(PAPER, (1.2, -0.16, 0.0))
+    cell = Cell(default_cell(), PAPER, (1.2, -0.16, 0.0))
     assert check(item, (0.1, 0.1, 0.0), cell=cell).reason == "unreachable"
 
 
@@ -475,7 +479,7 @@ def test_the_flange_does_not_fit_into_a_deep_held_item() -> None:
     tall = Container(0.32, 0.32, 0.05)
     shallow = oriented_of(box(0.06, 0.06, 0.04))
     deep = replace(shallow, extents=np.array([0.06, 0.06, 0.35]))
-    checker = ManipulationChecker(Cell.beside(tall))
+    checker = ManipulationChecker(default_cell().with_container(tall))
     (grasp, *_) = generate_grasps(shallow)
     lips = np.array([0.2, 0.1])
     corner = np.array([0.1, 0.1, 0.0])
@@ -490,9 +494,8 @@ def test_questions_that_make_no_sense_are_refused() -> None:
     with pytest.raises(ValueError, match="finite"):
         check(item, (np.nan, 0.1, 0.0))
     with pytest.raises(ValueError, match="robot cell"):
-        check(item, (0.1, 0.1, 0.0), cell=Cell.beside(Container(0.3, 0.3, 0.3)))
+        check(item, (0.1, 0.1, 0.0), cell=default_cell().with_container(Container(0.3, 0.3, 0.3)))
     with pytest.raises(ValueError, match="cells are"):
         check(orient_item(box(0.06, 0.06, 0.04), np.eye(3), cell_size=0.004), (0.1, 0.1, 0.0))
-    for wrong in ({"release": 0.02}, {"release": -1e-3}, {"spacing": 0.0}):
-        with pytest.raises(ValueError, match="release is"):
-            ManipulationChecker(Cell.beside(PAPER), **wrong)
+    with pytest.raises(ValueError, match="spacing is"):
+        ManipulationChecker(default_cell().with_container(PAPER), spacing=0.0)

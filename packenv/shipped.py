@@ -1,4 +1,4 @@
-"""Where the files are that RobotPack brings along: its catalogue, orders and boxes."""
+"""Where the files are that RobotPack brings along: its catalogue, orders, boxes and robots."""
 
 from __future__ import annotations
 
@@ -19,17 +19,8 @@ def assets_dir() -> Path:
     Raises:
         RobotPackError: neither is there, so the installation is damaged.
     """
-    package = Path(__file__).resolve().parents[1]
+    package = Path(__file__).resolve().parent
     for folder in (package / "assets", package.parent / "assets"):
         if folder.is_dir():
             return folder
     raise RobotPackError(f"the assets folder is missing beside {package}; install robotpack again")
-
-
-def robot_urdf() -> Path:
-    """The TX90 with its gripper, as a URDF file.
-
-    Raises:
-        RobotPackError: the assets are not there.
-    """
-    return assets_dir() / "robot" / "tx90.urdf"
