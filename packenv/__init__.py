@@ -29,6 +29,8 @@ if _TYPE_CHECKING:
     from packenv.env.reward import Outcome as Outcome, RewardFn as RewardFn
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
     from packenv.execution.execute import ExecutedPlan as ExecutedPlan, execute as execute
+    from packenv.execution.trajectories import trajectories as trajectories
+    from packenv.io.trajectories import Trajectories as Trajectories
     from packenv.items.catalogue import Catalogue as Catalogue
     from packenv.items.shelf import ItemShelf as ItemShelf
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
@@ -38,6 +40,7 @@ if _TYPE_CHECKING:
     from packenv.robot.cell import Cell as Cell, CellSetup as CellSetup
     from packenv.robot.files import load_cell as load_cell
     from packenv.robot.protocol import Robot as Robot
+    from packenv.robot.timing import MotionLimits as MotionLimits
     from packenv.types import (
         Container as Container,
         Item as Item,
@@ -68,6 +71,7 @@ _PUBLIC = {
     "Item": "packenv.types",
     "ItemShelf": "packenv.items.shelf",
     "Leftover": "packenv.types",
+    "MotionLimits": "packenv.robot.timing",
     "Order": "packenv.types",
     "OrderGenerator": "packenv.env.orders",
     "Outcome": "packenv.env.reward",
@@ -81,6 +85,7 @@ _PUBLIC = {
     "Robot": "packenv.robot.protocol",
     "RobotPackError": "packenv.errors",
     "RobotPath": "packenv.types",
+    "Trajectories": "packenv.io.trajectories",
     "Trial": "packenv.planning.constraints",
     "Verdict": "packenv.planning.constraints",
     "Verification": "packenv.verification.report",
@@ -95,6 +100,7 @@ _PUBLIC = {
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",
     "show": "packenv.view.show",
+    "trajectories": "packenv.execution.trajectories",
     "verify": "packenv.verification.report",
 }
 """Public names, and the modules that they are in."""

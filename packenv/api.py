@@ -1,4 +1,4 @@
-"""The one way from an order to a plan, and on: load, plan, verify, execute, show.
+"""The one way from an order to a plan, and on: load, plan, verify, execute, show, export.
 
 Command line, experiments, benchmarks and a user's scripts all go this way::
 
@@ -23,9 +23,11 @@ import numpy as np
 
 from packenv.errors import InputError, OrderError
 from packenv.execution.planning_job import PlanningJob
+from packenv.execution.trajectories import trajectories
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.orders import read_order
 from packenv.io.plans import write_plan
+from packenv.io.trajectories import Trajectories
 from packenv.items.catalogue import Catalogue
 from packenv.items.plan_items import (
     Items,
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ExecutedPlan",
+    "Trajectories",
     "Verification",
     "execute",
     "load_catalogue",
@@ -66,6 +69,7 @@ __all__ = [
     "rehearse",
     "save_plan",
     "show",
+    "trajectories",
     "verify",
 ]
 

@@ -43,6 +43,7 @@ def test_pack_verify_and_view_need_no_physics(plan, tmp_path):
     for name in ("plan.html", "plan.gif"):
         assert robotpack("view", plan, "-o", tmp_path / name).returncode == 0
         assert (tmp_path / name).stat().st_size > 1000
+    assert robotpack("export", plan, "-o", tmp_path / "trajectories.json").returncode == 0
 
 
 @pytest.mark.parametrize(

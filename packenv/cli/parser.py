@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from packenv.planning.options import PRESETS, PlanOptions, rules
+from packenv.robot.timing import MotionLimits
 from packenv.version import __version__
 
 UNIT_NAMES = ("m", "cm", "mm", "in")
@@ -34,6 +35,7 @@ def command_line() -> argparse.ArgumentParser:
     _add_verify(commands)
     _add_view(commands)
     _add_execute(commands)
+    _add_export(commands)
     _add_items(commands)
     return parser
 
@@ -254,6 +256,35 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
     )
     _catalogue_options(execute, None)
     execute.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_export(commands: argparse._SubParsersAction[Any]) -> None:
+    export = commands.add_parser(
+        "export",
+        help="write a plan's motions for a robot",
+        description="Find a motion of the robot for every step of a plan, from the pick place to the item's "
+        "place, and write them with robot, container and meshes as JSON (docs/trajectory.md). Read there what "
+        "to check before a real robot moves.",
+    )
+    export.set_defaults(module="export")
+    export.add_argument("plan", metavar="PLAN", type=Path, help="plan file that pack wrote")
+    export.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="file (.json) to write")
+    limits = MotionLimits()
+    export.add_argument(
+        "--share",
+        type=float,
+        default=limits.share,
+        metavar="X",
+        help="of the joints' published speeds that is used, at most 1 (default: %(default)g)",
+    )
+    export.add_argument(
+        "--speed",
+        type=float,
+        default=limits.speed,
+        metavar="X",
+        help="largest speed of a held item, m/s (default: %(default)g)",
+    )
+    _catalogue_options(export, None)
 
 
 def _add_items(commands: argparse._SubParsersAction[Any]) -> None:
