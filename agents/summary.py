@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 from .running import EpisodeRecord
 
-_Z = statistics.NormalDist().inv_cdf(0.975)
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -69,11 +67,10 @@ def summarize(agent: str, records: Sequence[EpisodeRecord]) -> AgentSummary:
 
 def proportion(hits: int, trials: int) -> Estimate:
     """A share with Wilson's score interval, which stays inside 0 to 1 even at the ends."""
-    share = hits / trials
-    scale = 1 + _Z**2 / trials
-    centre = (share + _Z**2 / (2 * trials)) / scale
-    half = _Z / scale * math.sqrt(share * (1 - share) / trials + _Z**2 / (4 * trials**2))
-    return Estimate(share, max(0.0, centre - half), min(1.0, centre + half))
+    from scipy.stats import binomtest
+
+    interval = binomtest(hits, trials).proportion_ci(method="wilson")
+    return Estimate(hits / trials, float(interval.low), float(interval.high))
 
 
 def mean(values: Sequence[float]) -> Estimate:

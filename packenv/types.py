@@ -145,6 +145,36 @@ class Item:
         extents: FloatArray = np.ptp(self.vertices, axis=0)
         return extents
 
+    @classmethod
+    def from_trimesh(
+        cls, mesh: trimesh.Trimesh, name: str, *, unit: str | None = None, mass: float | None = None
+    ) -> Item:
+        """An item of a mesh in memory, checked and mended as a mesh file is.
+
+        Args:
+            mesh: a ``trimesh.Trimesh``, or anything else with ``vertices`` (n, 3) and ``faces`` (m, 3) and
+                perhaps ``units``.
+            name: name of the item.
+            unit: unit of the numbers: ``m``, ``cm``, ``mm`` or ``in``; None takes what the mesh states, else
+                metres.
+            mass: kg; None estimates it from the volume and the hull's.
+
+        Raises:
+            InputError: the unit, the mass or the mesh cannot be used: one line that names the item.
+        """
+        from packenv.geometry.meshes import item_of
+
+        return item_of(mesh, name, unit=unit, mass=mass)
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """The item's surface as a ``trimesh.Trimesh`` of its own, in metres, with its name and density."""
+        import trimesh
+
+        mesh = trimesh.Trimesh(self.vertices.copy(), self.faces.copy(), process=False)
+        mesh.units, mesh.density = "m", self.mass / self.volume
+        mesh.metadata["name"] = self.name
+        return mesh
+
 
 @dataclass(frozen=True, eq=False)
 class StablePose:
@@ -459,8 +489,7 @@ class Plan:
                     node, matrix=pose.matrix, geometry=placement.item
                 )
                 continue
-            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False)
-            scene.add_geometry(mesh, node, placement.item, transform=pose.matrix)
+            scene.add_geometry(item.to_trimesh(), node, placement.item, transform=pose.matrix)
         return scene
 
     @property

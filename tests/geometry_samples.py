@@ -1,9 +1,11 @@
-"""Random rotations, and points on an item's surface."""
+"""Random rotations, points on an item's surface, and heightmaps by their definition."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from packenv.geometry.pose_groups import ANGLE_TOLERANCE, PoseComparer
+from packenv.geometry.raster_kernels import _clip_triangle
 from packenv.types import Item
 
 
@@ -20,3 +22,17 @@ def surface_samples(item: Item, count: int, rng: np.random.Generator) -> np.ndar
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
     return corners[:, 0] + u * (corners[:, 1] - corners[:, 0]) + v * (corners[:, 2] - corners[:, 0])
+
+
+def rasterize_by_clipping(
+    vertices: np.ndarray, faces: np.ndarray, cell: float, top: np.ndarray, bottom: np.ndarray
+) -> None:
+    """What ``rasterize`` computes, by clipping every triangle to every cell: its definition, word for word."""
+    polygons = np.empty((3, 12, 3))
+    for face in faces:
+        _clip_triangle(np.ascontiguousarray(vertices[face]), cell, top, bottom, *polygons)
+
+
+def same_pose(comparer: PoseComparer, down_a: np.ndarray, down_b: np.ndarray) -> bool:
+    """Whether two support directions are near-equal, by angle or by shape."""
+    return bool(down_a @ down_b >= np.cos(ANGLE_TOLERANCE)) or comparer.same_shape(down_a, down_b)

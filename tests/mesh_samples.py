@@ -1,4 +1,4 @@
-"""Small mesh files for tests, written without the readers under test."""
+"""Small mesh files for tests, written without the readers under test, and how the product reads them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+
+from packenv.geometry.mesh_files import file_bytes, parsed_mesh
+from packenv.geometry.meshes import LoadedMesh, check_unit, solid_mesh
+
+
+def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
+    """Read, check and mend a mesh file, nothing cached."""
+    check_unit(unit)
+    return solid_mesh(Path(path), parsed_mesh(Path(path), file_bytes(Path(path))), unit)
 
 
 def block(

@@ -22,7 +22,7 @@ from packenv.planning.planner import by_box_volume
 from packenv.planning.search.heuristics import HEURISTICS
 from packenv.planning.search.orientations import OrientationMemory, perturbations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
-from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement, Pose
 
 MAPS_MEMORY = 48 * 2**20
 """Bytes of perturbed heightmaps that an environment keeps."""
@@ -198,13 +198,12 @@ class Episode:
             stage=self.sequence.stage,
         )
 
-    def scene(self) -> tuple[Container, list[tuple[Item, FloatArray, FloatArray]], FloatArray | None]:
-        """Container, placed items at their poses, and the robot's joints after the last placement."""
+    def scene(self) -> tuple[list[tuple[Item, Pose]], FloatArray | None]:
+        """Placed items at their poses, and the robot's joints after the last placement."""
         poses = self.arrangement.poses
-        items = [(self.shelf.items[p.item], *pose) for p, pose in zip(self.placements, poses, strict=True)]
+        items = [(self.shelf.items[p.item], pose) for p, pose in zip(self.placements, poses, strict=True)]
         path = self.placements[-1].path if self.placements else None
-        joints = None if path is None else path.joints[0]
-        return self.container, items, joints
+        return items, None if path is None else path.joints[0]
 
     def mask(self) -> NDArray[np.int8]:
         """(K + 1,) int8, 1 where an action is valid."""

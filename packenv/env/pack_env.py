@@ -23,7 +23,11 @@ from packenv.items.shelf import ItemShelf
 from packenv.types import Container, Placement, Plan
 
 if TYPE_CHECKING:
-    from packenv.sim.render import Renderer
+    from packenv.env.window import Window
+    from packenv.view.stage import Stage
+
+_FRAME_SIZE = (480, 480)
+"""Width and height of the pictures, px."""
 
 
 class PackEnv(gymnasium.Env[Observation, Any]):
@@ -108,13 +112,13 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Raises:
             InputError: a setting is wrong, or the catalogue cannot be used.
-            PhysicsError: physics or pictures are asked for and pybullet is not installed.
+            PhysicsError: physics is asked for and pybullet is not installed.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode is {render_mode!r:.60}, give 'human', 'rgb_array' or None")
         self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
-        if self.config.physics or render_mode is not None:
-            import packenv.sim  # noqa: F401  says now where there is no physics, which draws the pictures too
+        if self.config.physics:
+            import packenv.sim  # noqa: F401  says now where there is no physics
         self.render_mode = render_mode
         self._choices = (order_generator, reward_fn)
         self._reward = make_reward(reward_fn)
@@ -132,7 +136,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._told: list[Placement] = []
         self._invalid_on_end = 0
         self._left_over_told = 0
-        self._renderer: Renderer | None = None
+        self._stage: Stage | None = None
+        self._window: Window | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -197,24 +202,25 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             (480, 480, 3) uint8 in mode ``rgb_array``; None in ``human``, whose window shows the same.
 
         Raises:
-            InputError: mode ``human`` without a display.
+            InputError: mode ``human`` without pygame or without a display.
         """
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
             return None
-        from packenv.sim.render import Renderer
-        from packenv.view.colours import item_colour
+        from packenv.env.window import Window
+        from packenv.view.stage import Stage
 
-        if self._renderer is None:
-            self._renderer = Renderer(
-                item_colour,
-                setup=self._rules.options.setup,
-                mode="human" if self.render_mode == "human" else "rgb_array",
-            )
-        scene = self._running().scene()
-        if self.render_mode == "rgb_array":
-            return self._renderer.frame(*scene)
-        self._renderer.show(*scene)
+        episode = self._running()
+        if self.render_mode == "human" and self._window is None:
+            self._window = Window(_FRAME_SIZE, self.metadata["render_fps"])
+        if self._stage is None or self._stage.cell.container != episode.container:
+            setup = self._rules.options.setup
+            self._stage = Stage(setup.with_container(episode.container), _FRAME_SIZE)
+        placed, joints = episode.scene()
+        picture = self._stage.draw(placed, self._stage.home if joints is None else joints)
+        if self._window is None:
+            return picture
+        self._window.show(picture)
         return None
 
     def action_masks(self) -> NDArray[np.bool_]:
@@ -233,9 +239,9 @@ class PackEnv(gymnasium.Env[Observation, Any]):
     def close(self) -> None:
         """Free what the episode holds; twice is fine."""
         self._end_episode()
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Settings, chance, and the episode as its order and its actions so far."""

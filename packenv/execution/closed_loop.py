@@ -15,7 +15,6 @@ from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.planning.search.replay import replay
-from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
@@ -99,7 +98,7 @@ def run_closed_loop(
         surface = measured_map(container, cell, pile)
         if waiting:
             following, believed = waiting[0]
-            if _still_good(following, meshes[following.item], believed, surface):
+            if _still_good(following, meshes[following.item], believed, surface, planner.release):
                 return waiting
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
         there = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in pile)
@@ -140,7 +139,9 @@ def _expected(packing: Packing, before: ContainerMap, meshes: Mapping[str, Item]
     return list(zip(placements, (before, *surfaces[:-1]), strict=True)) if placements else []
 
 
-def _still_good(placement: Placement, mesh: Item, believed: ContainerMap, measured: ContainerMap) -> bool:
+def _still_good(
+    placement: Placement, mesh: Item, believed: ContainerMap, measured: ContainerMap, release: float
+) -> bool:
     """Whether a planned placement fits what the container really holds.
 
     It must lie as deep as planned, and nothing may have come nearer: at the release, and off by ``ASIDE``
@@ -159,4 +160,4 @@ def _still_good(placement: Placement, mesh: Item, believed: ContainerMap, measur
     if abs(lowest(measured) - z) > DEEPER:
         return False
     around = lowest(measured.spread(ASIDE))
-    return bool(around <= max(z + RELEASE_HEIGHT, lowest(believed.spread(ASIDE)) + DEEPER))
+    return bool(around <= max(z + release, lowest(believed.spread(ASIDE)) + DEEPER))

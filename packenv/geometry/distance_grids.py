@@ -115,11 +115,6 @@ class SurfaceField:
         """(k, 3) points on the surface, m."""
         return self.records[:, :3]
 
-    @property
-    def sample_normals(self) -> Float32Array:
-        """(k, 3) outward normals of the samples; of one of the two faces on a sharp edge."""
-        return self.records[:, 3:6]
-
     @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) smallest and largest x, y, z, m."""
@@ -135,18 +130,8 @@ class SurfaceField:
             (k,) m, negative inside, clipped to the band.
         """
         values = np.empty(len(points))
-        trilinear(points, self.origin, SPACING, self.distance, BAND, values, np.empty((0, 3)))
+        trilinear(points, self.origin, SPACING, self.distance, BAND, values)
         return values
-
-    def distances_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Interpolated signed distances (k,), m, and their gradients (k, 3), zero out of the band.
-
-        Args:
-            points: (k, 3) mesh frame, m.
-        """
-        values, gradients = np.empty(len(points)), np.empty((len(points), 3))
-        trilinear(points, self.origin, SPACING, self.distance, BAND, values, gradients)
-        return values, gradients
 
     def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
         """Exact closest points of the surface, for points that are at most :data:`REACH` away.

@@ -181,8 +181,8 @@ def count_crossings(points, faces, origin, h, counts):  # type: ignore[no-untype
 
 
 @compiled
-def trilinear(points, origin, h, distance, band, values, gradients):  # type: ignore[no-untyped-def]
-    """Interpolate the signed distance, and its gradient where ``gradients`` has rows.
+def trilinear(points, origin, h, distance, band, values):  # type: ignore[no-untyped-def]
+    """Interpolate the signed distance.
 
     Args:
         points: (k, 3) mesh frame, m.
@@ -191,10 +191,8 @@ def trilinear(points, origin, h, distance, band, values, gradients):  # type: ig
         distance: (a, b, c) float32, signed, m.
         band: value outside the grid, m.
         values: (k,) filled in place, m.
-        gradients: (k, 3) filled in place, or (0, 3).
     """
     na, nb, nc = distance.shape
-    wanted = len(gradients) > 0
     inverse = 1.0 / h
     flat = distance.reshape(-1)
     # Unsigned, so that the compiled code need not ask whether an index counts from the end.
@@ -205,8 +203,6 @@ def trilinear(points, origin, h, distance, band, values, gradients):  # type: ig
         z = (points[s, 2] - origin[2]) * inverse
         if not (0.0 <= x < na - 1 and 0.0 <= y < nb - 1 and 0.0 <= z < nc - 1):
             values[s] = band
-            if wanted:
-                gradients[s, :] = 0.0
             continue
         i, j, k = int(x), int(y), int(z)
         u, v, w = x - i, y - j, z - k
@@ -218,12 +214,6 @@ def trilinear(points, origin, h, distance, band, values, gradients):  # type: ig
         c10, c11 = d010 + u * (d110 - d010), d011 + u * (d111 - d011)
         c0, c1 = c00 + v * (c10 - c00), c01 + v * (c11 - c01)
         values[s] = c0 + w * (c1 - c0)
-        if wanted:
-            e00, e01, e10, e11 = d100 - d000, d101 - d001, d110 - d010, d111 - d011
-            e0, e1 = e00 + v * (e10 - e00), e01 + v * (e11 - e01)
-            gradients[s, 0] = (e0 + w * (e1 - e0)) * inverse
-            gradients[s, 1] = ((c10 - c00) + w * ((c11 - c01) - (c10 - c00))) * inverse
-            gradients[s, 2] = (c1 - c0) * inverse
 
 
 @compiled

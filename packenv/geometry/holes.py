@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from packenv.errors import MeshError
-from packenv.geometry.polygons import MAX_CORNERS, least_area_cut
 from packenv.geometry.topology import boundary
 from packenv.types import FloatArray, IntArray
 
@@ -19,6 +18,9 @@ SMALL_TRIANGLE = 0.25
 
 NO_AREA = 1e-9
 """... or when it is a slit: the patch has less than this share of the diagonal squared."""
+
+MAX_CORNERS = 400
+"""Corners up to which the least-area cut, which costs their cube, is searched."""
 
 
 def fill_small_holes(path: Path, vertices: FloatArray, faces: IntArray) -> tuple[IntArray, tuple[str, ...]]:
@@ -103,3 +105,43 @@ def _loops(path: Path, vertices: FloatArray, edges: IntArray) -> list[IntArray]:
 
 def _mm(length: float) -> str:
     return f"{length * 1000:.3g} mm"
+
+
+def least_area_cut(points: FloatArray) -> IntArray:
+    """Cut one closed polygon in space into triangles of the least total area.
+
+    Dynamic programming over all cuts (Barequet and Sharir 1995). For a flat simple polygon every
+    cut that leaves the polygon has a larger area, so the result stays inside.
+
+    Args:
+        points: (n, 3) corners in order, 3 ≤ n ≤ ``MAX_CORNERS``.
+
+    Returns:
+        (n - 2, 3) indices into ``points``, same winding as the polygon.
+
+    Raises:
+        ValueError: fewer than 3 corners or more than ``MAX_CORNERS``.
+    """
+    n = len(points)
+    if not 3 <= n <= MAX_CORNERS:
+        raise ValueError(f"a polygon of {n} corners, 3 to {MAX_CORNERS} can be cut")
+    cost = np.zeros((n, n))
+    choice = np.zeros((n, n), dtype=np.int64)
+    for span in range(2, n):
+        for i in range(n - span):
+            j = i + span
+            middle = np.arange(i + 1, j)
+            area = np.linalg.norm(np.cross(points[middle] - points[i], points[j] - points[i]), axis=1)
+            total = cost[i, middle] + cost[middle, j] + area
+            best = int(np.argmin(total))
+            cost[i, j] = total[best]
+            choice[i, j] = middle[best]
+    faces: list[tuple[int, int, int]] = []
+    pending = [(0, n - 1)]
+    while pending:
+        i, j = pending.pop()
+        if j - i >= 2:
+            m = int(choice[i, j])
+            faces.append((i, m, j))
+            pending += [(i, m), (m, j)]
+    return np.array(faces, dtype=np.int64)

@@ -5,21 +5,24 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from packenv.errors import MeshError, UnitError
-from packenv.geometry.mass import estimated_mass, hull_volume, solid_properties
-from packenv.geometry.mesh_files import file_bytes, parsed_mesh
-from packenv.geometry.readers.raw import RawMesh, check_points
+from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, solid_properties
+from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
-FORMAT = 1
+FORMAT = 2
 """Raise this when reading or mending changes: meshes that are kept in another format are read anew."""
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 """Units that a mesh may be in, as metres."""
+
+MAX_COORDINATE = 1e12
+"""Distance from the origin, in any unit, that is still read."""
 
 SMALLEST, LARGEST = 0.002, 2.0
 """The longest side of an item is within these, m. Outside them the unit is wrong."""
@@ -38,34 +41,16 @@ class LoadedMesh:
     Attributes:
         vertices: (n, 3) float64, m; every one is a corner of some face.
         faces: (m, 3) int64, closed, counter-clockwise seen from outside.
+        solid: what it encloses.
         repairs: what was repaired on loading, one phrase each; empty for a sound file.
         notes: what a user should know but need not mend.
     """
 
     vertices: FloatArray
     faces: IntArray
+    solid: SolidProperties
     repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-
-def load_mesh(path: Path, *, unit: str | None = None) -> LoadedMesh:
-    """Load an item's mesh, check it, and mend what can be mended without inventing a surface.
-
-    Args:
-        path: an stl, obj, ply, off, glb or 3mf file.
-        unit: ``m``, ``cm``, ``mm`` or ``in``; None takes the unit that a 3MF or GLB file states, else metres.
-
-    Returns:
-        The closed surface. A sound file keeps its exact coordinates; equal vertices of formats that
-        give every face its own (STL, GLB, 3MF) are made one.
-
-    Raises:
-        UnitError: an unknown unit, or an item larger than 2 m or smaller than 2 mm.
-        MeshError: everything else that is wrong with the file, one line that names it.
-    """
-    path = Path(path)
-    check_unit(unit)
-    return solid_mesh(path, parsed_mesh(path, file_bytes(path)), unit)
 
 
 def check_unit(unit: str | None) -> None:
@@ -79,22 +64,27 @@ def check_unit(unit: str | None) -> None:
 
 
 def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
-    """Check and mend a mesh as :func:`load_mesh` does, whatever it came from.
+    """Check a mesh, whatever it came from, and mend what can be mended without inventing a surface.
 
     Args:
         path: the file, or what a mesh in memory is called in messages.
         raw: its content.
-        unit: as for :func:`load_mesh`.
+        unit: one of :data:`UNITS`; None takes the unit that the content states, else metres.
+
+    Returns:
+        The closed surface. A sound mesh keeps its exact coordinates; equal vertices are made one where
+        the format gives every face its own (STL, GLB, 3MF).
 
     Raises:
-        MeshError: something is wrong with it.
+        UnitError: an item larger than 2 m or smaller than 2 mm.
+        MeshError: everything else that is wrong with it, one line that names it.
     """
     if not len(raw.faces):
         content = f"{len(raw.vertices)} points but no faces" if len(raw.vertices) else "no faces"
         raise MeshError(
             f"{path}: has {content}, an item needs a closed surface; export it as a triangle mesh"
         )
-    check_points(path, raw.vertices)
+    _check_points(path, raw.vertices)
     scale = UNITS[unit] if unit is not None else (raw.metres or 1.0)
     surface = used_part(raw.vertices, raw.faces, split=raw.split)
     if not len(surface.faces):
@@ -103,12 +93,8 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
     vertices = surface.vertices if scale == 1.0 else surface.vertices * scale
     _check_not_flat(path, vertices)
     result = mend(path, type(surface)(vertices, surface.faces, surface.repairs, raw.notes + surface.notes))
-    return LoadedMesh(
-        np.ascontiguousarray(result.vertices),
-        np.ascontiguousarray(result.faces),
-        result.repairs,
-        result.notes,
-    )
+    vertices, faces = np.ascontiguousarray(result.vertices), np.ascontiguousarray(result.faces)
+    return LoadedMesh(vertices, faces, solid_properties(vertices, faces), result.repairs, result.notes)
 
 
 def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> Item:
@@ -116,7 +102,7 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
 
     Args:
         name: name in the catalogue.
-        mesh: from :func:`load_mesh`.
+        mesh: from :func:`solid_mesh`.
         file: the mesh file's name inside its catalogue folder.
         mass: kg; None estimates it by :func:`packenv.geometry.mass.estimated_mass`.
 
@@ -126,7 +112,7 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
     Raises:
         MeshError: the mass is not a positive number.
     """
-    properties = solid_properties(mesh.vertices, mesh.faces)
+    properties = mesh.solid
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise MeshError(f"item {name}: its mass is {mass:g}, give kilograms above 0")
     kilograms = mass if mass is not None else estimated_mass(properties.volume, hull_volume(mesh.vertices))
@@ -150,6 +136,50 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
     )
 
 
+def item_of(mesh: Any, name: str, *, unit: str | None = None, mass: float | None = None) -> Item:
+    """Make an item of a mesh in memory, checked and mended as a mesh file is; see :meth:`Item.from_trimesh`.
+
+    Raises:
+        UnitError: an unknown unit, or an item larger than 2 m or smaller than 2 mm.
+        MeshError: everything else that is wrong with the mesh or the mass.
+    """
+    check_unit(unit)
+    where = Path(f"mesh {name!r}")
+    if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
+        kind = type(mesh).__name__
+        raise MeshError(
+            f"{where}: is of type {kind}, give one with vertices and faces, such as trimesh.Trimesh"
+        )
+    try:
+        vertices = np.array(mesh.vertices, dtype=np.float64)
+        faces = np.array(mesh.faces, dtype=np.int64)
+    except (TypeError, ValueError):
+        raise MeshError(f"{where}: its vertices or faces are no numbers") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise MeshError(
+            f"{where}: vertices of shape {vertices.shape} and faces of {faces.shape}, give (n, 3) and (m, 3)"
+        )
+    try:
+        check_counts(vertices=len(vertices), faces=len(faces))
+        check_indices(faces, len(vertices))
+    except MeshError as problem:
+        raise MeshError(f"{where}: {problem}") from None
+    raw = RawMesh(vertices, faces, split=True, metres=_metres(getattr(mesh, "units", None)))
+    return make_item(name, solid_mesh(where, raw, unit), file=name, mass=mass)
+
+
+def _metres(stated: object) -> float | None:
+    """Length of the unit that a mesh states, in metres, or None where it states none that is known."""
+    if not isinstance(stated, str):
+        return None
+    from trimesh.units import unit_conversion
+
+    try:
+        return round(float(unit_conversion(stated, "meters")), 12)
+    except ValueError:
+        return None
+
+
 def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:
     """Hex SHA-256 of a mesh as used: shapes, then little-endian float64 and int64 in C order.
 
@@ -161,6 +191,23 @@ def mesh_hash(vertices: FloatArray, faces: IntArray) -> str:
     digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
     digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
     return digest.hexdigest()
+
+
+def _check_points(path: Path, vertices: FloatArray) -> None:
+    """Refuse coordinates that are no numbers, or so large that products of three overflow."""
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise MeshError(
+            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in vertices[k])}), "
+            "coordinates must be finite numbers; export it again"
+        )
+    largest = float(np.abs(vertices).max(initial=0.0))
+    if largest > MAX_COORDINATE:
+        raise UnitError(
+            f"{path}: a coordinate of {largest:.3g}, items are 2 mm to 2 m; "
+            "no --unit makes it so, it is damaged or needs scaling"
+        )
 
 
 def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None, own: float | None) -> None:

@@ -51,7 +51,7 @@ class OutsideDepth:
         """
         values = np.empty(len(points))
         points = np.ascontiguousarray(points, np.float64)
-        trilinear(points, self.field.origin, SPACING, self.grid, 1.0, values, np.empty((0, 3)))
+        trilinear(points, self.field.origin, SPACING, self.grid, 1.0, values)
         return values
 
     def exact(self, points: FloatArray) -> FloatArray:

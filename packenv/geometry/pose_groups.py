@@ -169,17 +169,6 @@ class PoseComparer:
         self._support = hull_points - com
         self._shapes: dict[bytes, _Shape] = {}
 
-    def same_pose(self, direction_a: FloatArray, direction_b: FloatArray) -> bool:
-        """Whether two support directions are near-equal, by angle or by shape.
-
-        Args:
-            direction_a: (3,) unit vector in the mesh frame that points down in the first pose.
-            direction_b: the same of the second pose.
-        """
-        if float(direction_a @ direction_b) >= np.cos(ANGLE_TOLERANCE):
-            return True
-        return self.same_shape(direction_a, direction_b)
-
     def same_shape(self, direction_a: FloatArray, direction_b: FloatArray) -> bool:
         """Whether a yaw exists that lays one resting shape onto the other.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -23,11 +22,9 @@ def default_folder() -> Path:
     """The cache folder: ``ROBOTPACK_CACHE``, else the platform's cache folder for the user."""
     if named := os.environ.get("ROBOTPACK_CACHE"):
         return Path(named)
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "robotpack"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "robotpack"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "robotpack"
+    from platformdirs import user_cache_path
+
+    return user_cache_path("robotpack", appauthor=False, opinion=False)
 
 
 def read_arrays(path: Path, build: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:

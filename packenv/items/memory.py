@@ -4,31 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from packenv.errors import CatalogueError, MeshError
-from packenv.geometry.meshes import check_unit, make_item, solid_mesh
-from packenv.geometry.readers.raw import RawMesh, check_counts, check_points
+from packenv.errors import CatalogueError
+from packenv.geometry.meshes import check_unit
 from packenv.types import Item
-
-_METRES = {
-    "m": 1.0,
-    "meter": 1.0,
-    "meters": 1.0,
-    "cm": 0.01,
-    "centimeter": 0.01,
-    "centimeters": 0.01,
-    "mm": 0.001,
-    "millimeter": 0.001,
-    "millimeters": 0.001,
-    "in": 0.0254,
-    "inch": 0.0254,
-    "inches": 0.0254,
-}
-"""Words for units that trimesh objects state, in metres."""
 
 _ALIKE = 1e-9
 """Shapes of one geometry at two nodes of a scene differ by at most this share."""
@@ -61,27 +43,7 @@ def items_of_meshes(source: Any, unit: str | None) -> dict[str, Item]:
 def _item(name: str, mesh: Any, unit: str | None) -> Item:
     if isinstance(mesh, Item):
         return mesh if mesh.name == name else replace(mesh, name=name)
-    where = Path(f"mesh {name!r}")
-    if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
-        raise MeshError(
-            f"{where}: is of type {type(mesh).__name__}, give one with vertices and faces, such as trimesh.Trimesh"
-        )
-    try:
-        vertices = np.array(mesh.vertices, dtype=np.float64)
-        faces = np.array(mesh.faces, dtype=np.int64)
-    except (TypeError, ValueError):
-        raise MeshError(f"{where}: its vertices or faces are no numbers") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-        raise MeshError(
-            f"{where}: vertices of shape {vertices.shape} and faces of {faces.shape}, give (n, 3) and (m, 3)"
-        )
-    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise MeshError(f"{where}: a face names a vertex that is not among its {len(vertices)}")
-    check_counts(where, vertices=len(vertices), faces=len(faces))
-    check_points(where, vertices)
-    stated = getattr(mesh, "units", None)
-    raw = RawMesh(vertices, faces, split=True, metres=_METRES.get(str(stated).lower()))
-    return make_item(name, solid_mesh(where, raw, unit), file=name, mass=None)
+    return Item.from_trimesh(mesh, name, unit=unit)
 
 
 def _of_scene(scene: Any) -> dict[str, Any]:

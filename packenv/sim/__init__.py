@@ -15,7 +15,7 @@ from packenv.quiet import engine_muted
 
 def _missing(problem: ImportError) -> str:
     """What is missing, why, and what would help; in one line."""
-    needs = "physics and the environment's pictures need the package pybullet"
+    needs = "physics needs the package pybullet"
     if problem.name != "pybullet":
         return f"{needs}, which cannot be loaded: {problem}"
     version, system, machine = sys.version_info[:2], sys.platform, platform.machine()

@@ -110,9 +110,9 @@ def scene_of(
 
 def _draw(path: Path, scene: Scene) -> None:
     if path.suffix.lower() == ".png":
-        from packenv.view.picture import render_plan_png
+        from packenv.view.picture import write_png
 
-        render_plan_png(path, scene)
+        write_png(path, scene)
     else:
         from packenv.view.page import write_page
 

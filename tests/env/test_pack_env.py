@@ -346,14 +346,3 @@ def test_importing_the_package_registers_and_stays_light() -> None:
     )
     root = Path(packenv.__file__).parents[1]
     subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
-
-
-def test_the_frame_shows_the_container_and_grows_with_the_items() -> None:
-    env = make_env(mask="legal", render_mode="rgb_array")
-    obs, _ = env.reset(seed=0)
-    empty = env.render()
-    assert empty.shape == (480, 480, 3)
-    assert empty.dtype == np.uint8
-    env.step(best_action(obs))
-    assert (env.render() != empty).any(axis=2).mean() > 0.001
-    env.close()

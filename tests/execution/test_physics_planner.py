@@ -176,7 +176,7 @@ def test_a_placement_is_still_good_until_something_stands_in_its_way(
         """With the first item at a corner on the floor."""
         lying = Resting(FOUR_BOXES[first.item], first.rotation, first.position + corner - first.corner)
         measured = measured_map(BOX, GRID.cell_size, [lying])
-        return _still_good(last, FOUR_BOXES[last.item], believed, measured)
+        return _still_good(last, FOUR_BOXES[last.item], believed, measured, 0.01)
 
     assert good(first.corner)
     assert not good(last.corner)

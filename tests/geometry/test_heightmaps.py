@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from packenv.config import HEIGHT_QUANTUM
 from packenv.geometry.heightmaps import edges_of, orient_item
-from packenv.geometry.raster_kernels import rasterize, rasterize_by_clipping
+from packenv.geometry.raster_kernels import rasterize
 from packenv.geometry.transforms import yaw_rotation
 from packenv.items.catalogue import open_catalogue
 from packenv.types import Item
+from tests.geometry_samples import rasterize_by_clipping
 from tests.shapes import as_item, ball, box, cup, cylinder
 
 CELL = 0.002

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import itertools
 import json
 import struct
 import time
@@ -16,9 +17,12 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import signed_volume
-from packenv.geometry.meshes import load_mesh, make_item
+from packenv.geometry.meshes import make_item
 from packenv.geometry.topology import is_solid
-from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_obj, write_ply
+from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_obj, write_ply
+
+QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+"""The faces of a block."""
 
 FORMATS = ("stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "glb", "3mf")
 
@@ -231,25 +235,33 @@ class TestScenes:
         tips = np.vstack([np.eye(3), -np.eye(3)]) * 0.06
         fans = [([2, 0, 1, 3, 4, 0], 6), ([5, 0, 4, 3, 1, 0], 6)]
         write_glb(path, tips, fans, [{"mesh": 0}])
-        with pytest.raises(MeshError, match=r"s\.glb: triangle fans are not read; export"):
+        with pytest.raises(MeshError, match=r"s\.glb: points, lines or triangle fans are not read; export"):
             load_mesh(path)
 
-    def test_glb_parts_below_a_camera_or_below_lines_are_there(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("nodes", "word"),
+        [
+            ([{"camera": 0, "mesh": 0, "children": [1]}, {"mesh": 0}], "camera"),
+            ([{"mesh": 1, "children": [1]}, {"mesh": 0}], "points, lines"),
+        ],
+    )
+    def test_glb_parts_below_a_camera_or_below_lines_are_refused(self, nodes, word, tmp_path):
+        """The library leaves them out without a word."""
         path = tmp_path / "s.glb"
         mesh = block()
         triangles = {"attributes": {"POSITION": 0}, "indices": 1}
         meshes = [{"primitives": [triangles]}, {"primitives": [{"attributes": {"POSITION": 0}, "mode": 3}]}]
-        nodes = [
-            {"camera": 0, "mesh": 0, "children": [1]},
-            {"mesh": 1, "translation": [1, 0, 0], "children": [2]},
-            {"mesh": 0},
-        ]
         lens = {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}
-        write_glb(path, mesh.vertices, [(mesh.faces, 4)], nodes, meshes=meshes, cameras=[lens])
-        found = load_mesh(path)
-        assert "1 sets of points or lines were ignored" in found.notes
-        assert signed_volume(found.vertices, found.faces) == pytest.approx(2 * mesh.volume, rel=1e-5)
-        assert np.ptp(found.vertices[:, 0]) == pytest.approx(1.1)
+        write_glb(path, mesh.vertices, [(mesh.faces, 4)], nodes, meshes=meshes[: len(nodes)], cameras=[lens])
+        with pytest.raises(MeshError, match=word):
+            load_mesh(path)
+
+    def test_glb_may_hold_a_camera_beside_its_parts(self, tmp_path):
+        path = tmp_path / "s.glb"
+        lens = {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}
+        changes = {"cameras": [lens], "scenes": [{"nodes": [0, 1]}]}
+        write_glb(path, block().vertices, [(block().faces, 4)], [{"camera": 0}, {"mesh": 0}], **changes)
+        assert len(load_mesh(path).faces) == 12
 
     def test_3mf_components_of_components_are_all_there(self, tmp_path):
         """Every level holds the one below twice: 2 to the 5th bodies."""
@@ -294,32 +306,48 @@ class TestScenes:
             archive.writestr("3D/Main.model", model)
         assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.04, 0.02, 0.01])
 
-    def test_3mf_objects_of_other_model_files(self, tmp_path):
+    def test_3mf_objects_of_other_model_files_are_refused(self, tmp_path):
+        """The library takes every mesh of the file, or none, whatever the reference says."""
         path = tmp_path / "a.3mf"
         production = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
-        main = model_3mf(
-            "millimeter",
-            [
-                f'<object id="1"><components><component xmlns:p="{production}" '
-                'p:path="/3D/Objects/part.model" objectid="2"/></components></object>'
-            ],
-            ['<item objectid="1"/>'],
-        )
-        other = model_3mf(
-            "millimeter", [object_3mf(1, block(90, 90, 90)), object_3mf(2, block(40, 20, 10))], []
-        )
-        write_3mf(path, main, **{"3D/Objects/part.model": other})
-        assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.04, 0.02, 0.01])
+        reference = f'xmlns:p="{production}" p:path="/3D/Objects/part.model" objectid="2"'
+        other = model_3mf("millimeter", [object_3mf(2, block(40, 20, 10))], [])
+        for objects, items in (
+            ([f'<object id="1"><components><component {reference}/></components></object>'], 'objectid="1"'),
+            ([object_3mf(2, block(90, 90, 90))], reference),
+        ):
+            main = model_3mf("millimeter", objects, [f"<item {items}/>"])
+            write_3mf(path, main, **{"3D/Objects/part.model": other})
+            with pytest.raises(MeshError, match="other model files"):
+                load_mesh(path)
+
+    @pytest.mark.parametrize("kind", ["other", "support"])
+    def test_3mf_volumes_that_are_not_solid_are_refused(self, kind, tmp_path):
+        path = tmp_path / "a.3mf"
+        model = model_3mf("millimeter", [object_3mf(1, block(40, 20, 10))], ['<item objectid="1"/>'])
+        write_3mf(path, model.replace("<object ", f'<object type="{kind}" '))
+        with pytest.raises(MeshError, match="negative, modifier or support"):
+            load_mesh(path)
+        write_3mf(path, model, **{"Metadata/Slic3r_PE_model.config": '<metadata value="NegativeVolume"/>'})
+        with pytest.raises(MeshError, match="negative, modifier or support"):
+            load_mesh(path)
+
+    def test_3mf_pieces_of_one_part_number_are_all_there(self, tmp_path):
+        path = tmp_path / "a.3mf"
+        items = [
+            f'<item objectid="1" partnumber="7" transform="1 0 0 0 1 0 0 0 1 {x} 0 0"/>' for x in (0, 100)
+        ]
+        write_3mf(path, model_3mf("millimeter", [object_3mf(1, block(40, 20, 10))], items))
+        assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.14, 0.02, 0.01])
 
 
 class TestPly:
     @pytest.mark.parametrize("order", ["<", ">"])
     @pytest.mark.parametrize("mixed", [False, True])
     def test_binary_with_other_properties_elements_and_polygons(self, order, mixed, tmp_path):
-        """Everything that the format allows around the part that counts."""
+        """What the format allows around the part that counts; lists of one length in each column."""
         vertices = np.array(block().vertices)
-        quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-        faces = quads if not mixed else [*quads[:5], [1, 5, 7], [1, 7, 3]]
+        faces = QUADS if not mixed else [*QUADS[:5], [1, 5, 7], [1, 7, 3]]
         name = {"<": "little", ">": "big"}[order]
         header = (
             f"ply\nformat binary_{name}_endian 1.0\ncomment hello\n"
@@ -327,28 +355,75 @@ class TestPly:
             f"element vertex {len(vertices)}\nproperty uchar red\nproperty double x\nproperty double y\n"
             f"property double z\nelement face {len(faces)}\nproperty uchar flag\n"
             "property list uchar uint vertex_index\nproperty float quality\n"
-            "element edge 1\nproperty int a\nend_header\n"
+            "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n"
         )
-        body = struct.pack(order + "fB", 1.5, 0) + struct.pack(order + "fBhh", 1.5, 2, 7, 8)
+        body = 2 * struct.pack(order + "fBhh", 1.5, 2, 7, 8)
         for v in vertices:
             body += struct.pack(order + "Bddd", 9, *v)
         for f in faces:
             body += struct.pack(order + f"BB{len(f)}If", 1, len(f), *f, 0.5)
-        body += struct.pack(order + "i", 3)
+        body += struct.pack(order + "ii", 3, 4)
         path = tmp_path / "a.ply"
         path.write_bytes(header.encode() + body)
+        if mixed:
+            with pytest.raises(MeshError, match="different lengths; export triangles"):
+                load_mesh(path)
+            return
         found = load_mesh(path)
         assert_solid(found)
         assert len(found.faces) == 12
         assert np.array_equal(found.vertices, vertices)
 
-    def test_a_dented_polygon_is_cut_inside_its_edge(self, tmp_path):
-        """A fan from the first corner would leave an L-shaped face."""
+    def test_text_with_other_properties_elements_and_polygons(self, tmp_path):
+        vertices = np.array(block().vertices)
+        faces = [*QUADS[:5], [1, 5, 7], [1, 7, 3]]
+        header = (
+            "ply\nformat ascii 1.0\ncomment hello\nelement camera 2\nproperty list uchar short ids\n"
+            "property float f\nelement vertex 8\nproperty uchar red\nproperty double x\n"
+            "property double y\nproperty double z\nelement face 7\nproperty uchar flag\n"
+            "property list uchar uint vertex_index\nproperty list uchar float texcoord\nend_header\n"
+        )
+        rows = ["0 1.5", "2 7 8 1.5", *(f"9 {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist())]
+        rows += [f"1 {len(f)} {' '.join(map(str, f))} 2 0.5 0.5" for f in faces]
+        path = tmp_path / "a.ply"
+        path.write_text(header + "\n\n".join(rows))
+        found = load_mesh(path)
+        assert_solid(found)
+        assert np.array_equal(found.vertices, vertices)
+        fans = [[f[0], b, c] for f in faces for b, c in itertools.pairwise(f[1:])]
+        assert found.faces.tolist() == fans
+
+
+class TestDents:
+    """A fan of triangles from one corner covers a polygon without dents, and some others."""
+
+    @staticmethod
+    def prism(first):
+        """An L that is extruded, its polygons beginning at a corner; two of them see it whole."""
         ell = np.array([[2, 1], [1, 1], [1, 2], [0, 2], [0, 0], [2, 0]]) * 0.05
         low, high = np.column_stack([ell, np.zeros(6)]), np.column_stack([ell, np.full(6, 0.05)])
-        faces = [list(range(5, -1, -1)), list(range(6, 12))]
-        faces += [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
-        found = load_mesh(write_ply(tmp_path / "ell.ply", np.concatenate([low, high]), faces))
+        ring = np.roll(np.arange(6), -first).tolist()
+        sides = [[k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k] for k in range(6)]
+        return np.concatenate([low, high]), [[ring[0], *ring[:0:-1]], [6 + k for k in ring], *sides]
+
+    @pytest.mark.parametrize("kind", ["ply", "obj", "off"])
+    @pytest.mark.parametrize("first", range(6))
+    def test_a_polygon_is_covered_once_or_refused(self, kind, first, tmp_path):
+        vertices, faces = self.prism(first)
+        path = tmp_path / f"ell.{kind}"
+        if kind == "ply":
+            write_ply(path, vertices, faces)
+        elif kind == "obj":
+            write_obj(path, vertices, faces)
+        else:
+            rows = [" ".join(map(repr, v)) for v in vertices.tolist()]
+            rows += [f"{len(f)} " + " ".join(map(str, f)) for f in faces]
+            path.write_text("OFF\n12 8 0\n" + "\n".join(rows))
+        if first not in (1, 4):
+            with pytest.raises(MeshError, match=r"2 dented \(non-convex\) faces; triangulate"):
+                load_mesh(path)
+            return
+        found = load_mesh(path)
         top = found.faces[(found.vertices[found.faces][:, :, 2] == 0.05).all(axis=1)]
         a, b, c = (found.vertices[top[:, k], :2] for k in range(3))
         areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
@@ -356,11 +431,44 @@ class TestPly:
         assert areas.sum() == pytest.approx(3 * 0.05**2)
         assert signed_volume(found.vertices, found.faces) == pytest.approx(3 * 0.05**3)
 
+    def test_in_a_binary_ply_too(self, tmp_path):
+        """Every polygon of an arrowhead's prism has four corners; the dent and the tip see it whole."""
+        flat = np.array([[0, 0], [2, -1], [0.5, 0], [2, 1]]) * 0.05
+        vertices = np.concatenate([np.column_stack([flat, np.full(4, z)]) for z in (0.0, 0.05)])
+        sides = [[k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k] for k in range(4)]
+        header = (
+            "ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty double x\nproperty double y\n"
+            "property double z\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+        path = tmp_path / "a.ply"
+        for turn, read in ((0, True), (1, False)):
+            ring = np.roll(np.arange(4), -turn).tolist()
+            faces = [[ring[0], *ring[:0:-1]], [4 + k for k in ring], *sides]
+            body = b"".join(struct.pack("<B4i", 4, *f) for f in faces)
+            path.write_bytes(header.encode() + vertices.astype("<f8").tobytes() + body)
+            if read:
+                found = load_mesh(path)
+                assert signed_volume(found.vertices, found.faces) == pytest.approx(0.5 * 0.05**3)
+            else:
+                with pytest.raises(MeshError, match="2 dented"):
+                    load_mesh(path)
+
+    def test_corners_on_one_line_are_no_dent(self, tmp_path):
+        """A square with the middles of its edges, off their line by rounding."""
+        ring = np.array([[0, 0], [1, 1e-9], [2, 0], [2 - 1e-9, 1], [2, 2], [1, 2], [0, 2], [1e-9, 1]]) * 0.05
+        vertices = np.concatenate([np.column_stack([ring, np.full(8, z)]) for z in (0.0, 0.05)])
+        for first in range(8):
+            turned = np.roll(np.arange(8), first).tolist()
+            faces = [turned[::-1], [8 + k for k in turned]]
+            faces += [[k, (k + 1) % 8, 8 + (k + 1) % 8, 8 + k] for k in range(8)]
+            found = load_mesh(write_obj(tmp_path / "a.obj", vertices, faces))
+            assert signed_volume(found.vertices, found.faces) == pytest.approx(4 * 0.05**3, rel=1e-6)
+
 
 class TestObj:
     def test_everything_but_vertices_and_faces_is_passed_over(self, tmp_path):
         vertices = np.array(block().vertices)
-        quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+        quads = QUADS
         lines = ["# a comment", "mtllib none.mtl", "o thing", "vn 0 0 1", "vt 0 0", "s off"]
         lines += [f"v {x!r} {y!r} {z!r} 0.5 0.5 0.5" for x, y, z in vertices.tolist()]
         lines += ["usemtl none", "l 1 2"]

@@ -17,6 +17,7 @@ import trimesh
 from packenv.geometry.stable_poses import pose_comparer, stable_facets, stable_poses
 from packenv.types import Item
 from tests.conftest import NO_PHYSICS
+from tests.geometry_samples import same_pose
 
 bullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
 
@@ -165,7 +166,7 @@ def tally(item: Item, count: int, seed: int) -> Tally:
     rests = rests[np.isfinite(rests).all(axis=1)]
     counts = np.zeros(len(poses))
     for down in rests:
-        match = next((k for k, p in enumerate(poses) if comparer.same_pose(down, -p.rotation[2])), None)
+        match = next((k for k, p in enumerate(poses) if same_pose(comparer, down, -p.rotation[2])), None)
         if match is not None:
             counts[match] += 1
     return Tally(

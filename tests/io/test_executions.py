@@ -12,17 +12,17 @@ from PIL import Image
 from packenv.errors import InputError
 from packenv.geometry.transforms import quaternion_to_rotation
 from packenv.io.executions import execution_to_json, mean_lengths, write_execution
+from packenv.robot.files import default_cell
 from packenv.sim.camera import Frame
 from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, ExecutionConfig, ItemOutcome
 from packenv.types import Container, Item, Placement, Plan
-from packenv.view.animation import SIZE, Artist, write_gif
+from packenv.view.animation import SIZE, draw_frame, write_gif
 from packenv.view.colours import item_colour
 from packenv.view.execution_scene import executed_scene
 from packenv.view.page import page_text
-from packenv.view.robot_meshes import robot_meshes
+from packenv.view.stage import Stage
 from tests import shapes
-from tests.robot.sampling import TX90
 from tests.view.test_page import decode, near_colour, visit
 
 CRATE, CUP = shapes.box(0.1, 0.08, 0.06, "crate"), shapes.cup(0.04, 0.08)
@@ -141,6 +141,9 @@ def test_a_browser_shows_planned_poses_on_demand(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------- animation
 
 
+BENT = np.array([0.0, 0.3, 1.8, 0.0, 1.0, 0.0])
+
+
 def lit(picture: np.ndarray, colour: tuple[int, int, int]) -> int:
     """Number of pixels with about the hue of a colour, whatever the light on them."""
     wide = picture.astype(float)
@@ -154,16 +157,15 @@ def frame(count: int, joints: np.ndarray | None = None) -> Frame:
 
 
 def test_a_frame_shows_the_items_that_are_there_and_the_robot_where_there_is_one() -> None:
-    artist = Artist(PLAN, ITEMS)
-    empty, two = artist.draw(frame(0)), artist.draw(frame(2))
+    stage = Stage(default_cell().with_container(PLAN.container), SIZE)
+    empty, two, robot = (draw_frame(stage, PLAN, ITEMS, f) for f in (frame(0), frame(2), frame(0, BENT)))
     assert empty.shape == (SIZE[1], SIZE[0], 3)
     for index in (0, 1):
         assert lit(empty, item_colour(index)) < 20
         assert lit(two, item_colour(index)) > 300
     assert lit(two, item_colour(2)) < 20
     arm = (238, 186, 70)
-    bent = np.array([0.0, 0.3, 1.8, 0.0, 1.0, 0.0])
-    assert lit(artist.draw(frame(0, bent)), arm) - lit(empty, arm) > 5000
+    assert lit(robot, arm) - lit(empty, arm) > 5000
 
 
 def test_a_gif_holds_every_frame(tmp_path: Path) -> None:
@@ -186,18 +188,3 @@ def test_a_gif_holds_every_frame(tmp_path: Path) -> None:
     assert not differs[:-40].any()
     with pytest.raises(InputError, match="missing"):
         write_gif(tmp_path / "missing" / "e.gif", PLAN, ITEMS, frames[:1])
-
-
-def test_the_robot_is_drawn_as_it_is_checked() -> None:
-    """Every primitive's surface lies at its radius, closed and turned outwards."""
-    for mesh, primitive in zip(robot_meshes(TX90.shapes), TX90.shapes.primitives, strict=True):
-        assert mesh.link == primitive.link
-        start, end = np.array(primitive.start), np.array(primitive.end)
-        along = (end - start) / np.linalg.norm(end - start)
-        apart = (mesh.vertices - start) - np.outer((mesh.vertices - start) @ along, along)
-        assert np.linalg.norm(apart, axis=1).max() == pytest.approx(primitive.radius)
-        a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-        volume = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
-        ball = 4.0 / 3.0 * np.pi * primitive.radius**3 if primitive.capsule else 0.0
-        true = np.pi * primitive.radius**2 * float(np.linalg.norm(end - start)) + ball
-        assert volume == pytest.approx(true, rel=0.03)

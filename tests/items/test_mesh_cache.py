@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 from packenv.errors import MeshError, UnitError
-from packenv.geometry.meshes import FORMAT, LoadedMesh, load_mesh
+from packenv.geometry.meshes import FORMAT, LoadedMesh
 from packenv.items import mesh_cache
 from packenv.items.mesh_cache import kept_mesh
-from tests.mesh_samples import arrays, ball, block, cup, write_mesh, write_ply
+from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_ply
 
 
 def _same(a: LoadedMesh, b: LoadedMesh) -> None:
-    for x, y in ((a.vertices, b.vertices), (a.faces, b.faces)):
+    assert a.solid.volume == b.solid.volume > 0.0
+    solid = [(a.solid.com, b.solid.com), (a.solid.inertia, b.solid.inertia)]
+    for x, y in ((a.vertices, b.vertices), (a.faces, b.faces), *solid):
         np.testing.assert_array_equal(x, y)
         assert x.dtype == y.dtype
         assert x.flags.c_contiguous

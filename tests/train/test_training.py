@@ -82,7 +82,7 @@ def test_a_run_leaves_all_that_it_promises(whole_run):
     rows = RunFolder(whole_run).rows()
     assert [row["timesteps"] for row in rows] == [0, 32, 64, 96]
     assert set(RunFolder(whole_run).baselines()) == {"random", "hm"}
-    assert (whole_run / "curve.svg").read_text().startswith("<svg")
+    assert (whole_run / "curve.svg").read_text().count("<svg") == 1
     events = b"".join(path.read_bytes() for path in (whole_run / "tensorboard").iterdir())
     for tag in (b"held_out/return", b"train/entropy_loss", b"rollout/ep_rew_mean"):
         assert tag in events

@@ -12,9 +12,11 @@ from PIL import Image
 
 from packenv.errors import InputError
 from packenv.types import Container, Item, Placement, Plan
+from packenv.view.camera import Camera, camera_around
 from packenv.view.colours import hex_colour, item_colour
-from packenv.view.picture import fit_camera, render_image, render_plan_png
+from packenv.view.picture import render_image, write_png
 from packenv.view.scene import Scene, build_scene
+from packenv.view.surfaces import box_corners
 from tests import shapes
 
 SIZE = (320, 240)
@@ -40,9 +42,13 @@ def scene_of(*placed: tuple[Item, tuple[float, float, float]]) -> Scene:
     return build_scene(Plan(BOX, placements, ()), {item.name: item for item, _ in placed})
 
 
+def camera_of(container: Container, size: tuple[int, int] = SIZE, **view: float) -> Camera:
+    return camera_around(box_corners(container), size, **view)
+
+
 def hue_at(image: np.ndarray, scene: Scene, point: tuple[float, float, float], **view: float) -> float:
     """Hue of the pixel where a point of the container frame appears."""
-    column, row, nearness = fit_camera(scene.container, SIZE, **view).project(np.array([point]))[0]
+    column, row, nearness = camera_of(scene.container, SIZE, **view).project(np.array([point]))[0]
     assert nearness > 0
     red, green, blue = image[int(row), int(column)] / 255
     return colorsys.rgb_to_hsv(red, green, blue)[0]
@@ -65,7 +71,7 @@ def test_a_known_point_has_the_colour_of_its_item(view: dict[str, float]) -> Non
     # A top face's middle, and a place of the ball that is turned both upwards and to the eye, are seen from
     # every side.
     middle = np.array([0.3, 0.2, 0.05])
-    to_eye = fit_camera(BOX, SIZE, **view).eye - middle
+    to_eye = camera_of(BOX, SIZE, **view).eye - middle
     outward = to_eye / np.linalg.norm(to_eye) + [0.0, 0.0, 1.0]
     on_ball = tuple(middle + 0.0499 * outward / np.linalg.norm(outward))
     assert hue_at(image, scene, (0.1, 0.1, 0.1), **view) == pytest.approx(hue_of(0), abs=0.03)
@@ -97,7 +103,7 @@ def test_an_item_above_the_floor_darkens_the_floor_below() -> None:
     lid = shapes.box(0.2, 0.2, 0.01, "lid")
     scene = scene_of((lid, (0.1, 0.05, 0.1)))
     view = {"azimuth": -90.0, "elevation": 15.0}
-    column, row, _ = fit_camera(BOX, SIZE, **view).project(np.array([[0.2, 0.12, 0.0]]))[0].astype(int)
+    column, row, _ = camera_of(BOX, SIZE, **view).project(np.array([[0.2, 0.12, 0.0]]))[0].astype(int)
     shaded = render_image(scene, size=SIZE, **view)[row, column].astype(int)
     free = render_image(scene, size=SIZE, step=0, **view)[row, column].astype(int)
     assert (shaded < free - 8).all()
@@ -106,12 +112,12 @@ def test_an_item_above_the_floor_darkens_the_floor_below() -> None:
 def test_the_same_scene_gives_the_same_bytes(tmp_path: Path) -> None:
     scene = scene_of((shapes.cup(0.05, 0.1), (0.05, 0.05, 0.0)), (shapes.ball(0.05), (0.25, 0.15, 0.0)))
     for name in ("a.png", "b.png"):
-        render_plan_png(tmp_path / name, scene, size=SIZE)
+        write_png(tmp_path / name, scene)
     first, second = ((tmp_path / name).read_bytes() for name in ("a.png", "b.png"))
     assert first == second
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "b.png"]
     with Image.open(tmp_path / "a.png") as image:
-        assert image.size == SIZE
+        assert image.size == (1280, 960)
         assert image.mode == "RGB"
 
 
@@ -119,7 +125,7 @@ def test_the_same_scene_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_the_camera_holds_the_whole_container_and_no_more_than_needed(view: dict[str, float]) -> None:
     for size in (SIZE, (200, 400), (640, 100)):
         corners = np.array(list(itertools.product(*((0.0, s) for s in BOX.size))))
-        seen = fit_camera(BOX, size, **view).project(corners)
+        seen = camera_of(BOX, size, **view).project(corners)
         margin = 0.04 * min(size)
         assert (seen[:, 2] > 0).all()
         low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
@@ -131,7 +137,7 @@ def test_the_camera_holds_the_whole_container_and_no_more_than_needed(view: dict
 
 
 def test_projection_agrees_with_the_pinhole_formula() -> None:
-    camera = fit_camera(BOX, SIZE, azimuth=-90.0, elevation=0.0)
+    camera = camera_of(BOX, SIZE, azimuth=-90.0, elevation=0.0)
     # Straight along +y: columns grow with x, rows fall with z, both as focal length over depth.
     points = np.array([[0.1, 0.0, 0.05], [0.3, 0.0, 0.05], [0.1, 0.3, 0.05], [0.3, 0.3, 0.15]])
     column, row, nearness = camera.project(points).T
@@ -161,9 +167,7 @@ def test_values_out_of_range_are_named() -> None:
 def test_a_picture_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     scene = scene_of((shapes.ball(0.05), (0.2, 0.1, 0.0)))
     with pytest.raises(InputError):
-        render_plan_png(tmp_path / "missing" / "a.png", scene, size=SIZE)
-    with pytest.raises(ValueError, match="step"):
-        render_plan_png(tmp_path / "a.png", scene, size=SIZE, step=9)
+        write_png(tmp_path / "missing" / "a.png", scene)
     assert list(tmp_path.iterdir()) == []
 
 

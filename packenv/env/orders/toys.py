@@ -14,7 +14,7 @@ from packenv.config import HEIGHT_QUANTUM
 from packenv.env.orders.cuts import CUTS, Piece, Size
 from packenv.env.orders.records import GeneratedOrder
 from packenv.errors import InputError
-from packenv.geometry.mass import estimated_mass
+from packenv.geometry.mass import estimated_mass, solid_properties
 from packenv.geometry.meshes import LoadedMesh, make_item
 from packenv.types import Container, FloatArray, Item, Placement
 
@@ -136,7 +136,8 @@ def _box(long: float, middle: float, short: float) -> Item:
     name = "toy-" + "x".join(f"{round(side * 1000, 2):g}" for side in (long, middle, short))
     volume = long * middle * short
     mass = estimated_mass(volume, volume)
-    return make_item(name, LoadedMesh(vertices, faces), file=f"{name}.ply", mass=mass)
+    mesh = LoadedMesh(vertices, faces, solid_properties(vertices, faces))
+    return make_item(name, mesh, file=f"{name}.ply", mass=mass)
 
 
 def _solution(pieces: Sequence[Piece], step: float) -> tuple[Placement, ...]:

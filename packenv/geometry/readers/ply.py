@@ -2,160 +2,125 @@
 
 from __future__ import annotations
 
-import struct
+import itertools
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from packenv.errors import MeshError
-from packenv.geometry.readers.by_trimesh import by_trimesh
-from packenv.geometry.readers.raw import RawMesh, check_counts
-from packenv.geometry.readers.rows import CORNERS, Column, Element, cut, read_rows
+from packenv.geometry.readers.polygons import Words, read_polygons, refuse_dents, take
+from packenv.geometry.readers.raw import RawMesh, brief, check_counts, check_indices, read_scene
 
-_TYPES = {
-    "char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H",
-    "uint16": "H", "int": "i", "int32": "i", "uint": "I", "uint32": "I", "float": "f", "float32": "f",
-    "double": "d", "float64": "d",
-}  # fmt: skip
-_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_INTEGERS = {u + kind for u in ("", "u") for kind in ("char", "int8", "short", "int16", "int", "int32")}
+_TYPES = _INTEGERS | {"float", "float32", "double", "float64"}
+_FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 
 
-def read_ply(path: Path, data: bytes) -> RawMesh:
-    """Read a PLY file, text or binary in both byte orders; it has no unit.
+class _Element(NamedTuple):
+    """A table: how many rows, and the type of each column by its name; ``list`` before that of a list."""
 
-    trimesh reads binary files whose lists are of one length; rows of the others are taken one by one.
+    rows: int
+    columns: dict[str, str]
 
-    Args:
-        path: named in messages.
-        data: the file's bytes.
 
-    Returns:
-        The mesh, polygons cut into triangles.
+def read_ply(data: bytes) -> RawMesh:
+    """Read a PLY file.
 
     Raises:
-        MeshError: a damaged header, fewer or more data than it announces, or an index out of range.
+        MeshError: a damaged header, fewer or more data than it announces, an index out of range, dented
+            polygons, or a binary file whose lists are not all of one length.
     """
-    end = data.find(b"end_header")
-    start = data.find(b"\n", end) + 1
-    if not data.startswith(b"ply") or end < 0 or start == 0:
+    head, word, body = data.partition(b"end_header")
+    if not data.startswith(b"ply") or not word or b"\n" not in body:
+        raise MeshError("not a PLY file, or truncated: its header from 'ply' to 'end_header' is not there")
+    form, elements = _header(head.decode("latin-1").splitlines()[1:])
+    vertex, face = elements.get("vertex", _Element(0, {})), elements.get("face", _Element(0, {}))
+    corners = [name for name in ("vertex_indices", "vertex_index") if name in face.columns]
+    kinds = [face.columns[name].removeprefix("list ") in _INTEGERS for name in corners]
+    if not form or not {"x", "y", "z"} <= set(vertex.columns) or kinds != [True][: "face" in elements]:
         raise MeshError(
-            f"{path}: not a PLY file, or truncated: its header from 'ply' to 'end_header' is not there"
+            "damaged PLY header, it needs a format, x, y and z of element vertex and one list "
+            "vertex_indices of element face; export it again"
         )
-    order, elements = _header(path, data[:end].decode("latin-1").splitlines()[1:])
-    body = data[start:]
-    least = sum(
-        e.count * sum(struct.calcsize(order + (c.count or c.kind)) if order else 2 for c in e.columns)
-        for e in elements
-    )
-    if len(body) + (not order) < least:
-        announced = " and ".join(f"{e.count:,} of element {e.name}" for e in elements)
-        raise MeshError(
-            f"{path}: truncated, its header announces {announced}, at least {least:,} bytes, "
-            f"and {len(body):,} follow; export it again"
-        )
-    if not order:
-        return read_rows(path, elements, (row for line in body.splitlines() if (row := line.split())))
-    mesh = _table(path, data, elements)
-    if mesh is None:
-        mesh = read_rows(path, elements, _unpacked(path, order, elements, body))
-    return mesh
+    if not face.rows:
+        return RawMesh(np.zeros((vertex.rows, 3)), np.empty((0, 3), np.int64))
+    if form == "ascii":
+        lines = body[body.index(b"\n") :].splitlines()
+        return _read_text(elements, corners[0], (words for line in lines if (words := line.split())))
+    return _read_binary(data, elements, corners[0])
 
 
-def _header(path: Path, lines: Sequence[str]) -> tuple[str, list[Element]]:
-    """The byte order, empty for text, and the tables. A line that trimesh would pass over is an error."""
-    order = None
-    found: dict[str, tuple[int, list[Column]]] = {}
-    name = ""
+def _header(lines: Sequence[str]) -> tuple[str, dict[str, _Element]]:
+    """The format and the tables. A line that trimesh would pass over is an error."""
+    form = name = ""
+    found: dict[str, _Element] = {}
     for line in lines:
-        try:
-            match line.split():
-                case [] | ["comment" | "obj_info", *_]:
-                    pass
-                case ["format", word, _]:
-                    order = _ORDERS[word]
-                case ["element", name, count] if name not in found:
-                    found[name] = int(count), []
-                case ["property", "list", count, kind, column]:
-                    found[name][1].append(Column(column, _TYPES[kind], _TYPES[count]))
-                case ["property", kind, column] if column not in (c.name for c in found[name][1]):
-                    found[name][1].append(Column(column, _TYPES[kind]))
-                case _:
-                    raise ValueError
-        except (KeyError, ValueError):
-            raise MeshError(f"{path}: damaged PLY header, cannot read the line {line[:60]!r}") from None
-    elements = [Element(name, count, tuple(columns)) for name, (count, columns) in found.items()]
-    counts = {e.name: e.count for e in elements}
-    check_counts(path, vertices=counts.get("vertex", 0), faces=counts.get("face", 0))
-    if order is None or "vertex" not in counts or any(e.count < 0 or not e.columns for e in elements):
-        raise MeshError(
-            f"{path}: damaged PLY header, it announces no format, no vertices, or an element of nothing"
-        )
-    if "tristrips" in counts and "face" not in counts:
-        raise MeshError(f"{path}: its surface is in triangle strips (tristrips); export it with faces")
-    for element in elements:
-        needed = {"vertex": ["x", "y", "z"], "face": [""]}.get(element.name, [])
-        names = [c.name if not c.count else "" if c.name in CORNERS else None for c in element.columns]
-        if any(names.count(name) != 1 for name in needed):
-            raise MeshError(
-                f"{path}: damaged PLY header, its {element.name} element needs one each of "
-                f"{'x, y and z' if needed[0] else 'the lists vertex_indices'}"
-            )
-    return order, elements
-
-
-def _table(path: Path, data: bytes, elements: Sequence[Element]) -> RawMesh | None:
-    """A binary file as trimesh reads it, or None where lists of different lengths keep it from that."""
-    if not all(e.count for e in elements):
-        return None
-    try:
-        scene = by_trimesh(path, "ply", data, fix_texture=False, skip_materials=True)
-    except MeshError:
-        return None
-    # The columns as they are in the file: what trimesh makes of them depends on colours, textures and edges.
-    (mesh,) = scene.geometry.values()
-    tables = mesh.metadata.get("_ply_raw")
-    if tables is None:
-        return None
-    counts, corners = np.empty(0, np.int64), np.empty(0, np.int64)
-    for element in elements:
-        table = tables[element.name]["data"]
-        for column in element.columns:
-            if not column.count:
+        match line.split():
+            case [] | ["comment" | "obj_info", *_]:
                 continue
-            lengths, values = table[column.name]["f0"], table[column.name]["f1"]
-            # trimesh takes every list for as long as the first.
-            if (lengths != lengths[0]).any():
-                return None
-            if element.name == "face" and column.name in CORNERS:
-                counts, corners = lengths.astype(np.int64), values.reshape(-1).astype(np.int64)
-    table = tables["vertex"]["data"]
-    vertices = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    return cut(path, vertices, counts, corners)
+            case ["format", word, _] if word in _FORMATS:
+                form = word
+                continue
+            case ["element", name, count] if name not in found:
+                found[name] = _Element(int(count), {})
+                check_counts(vertices=int(count), faces=int(count) if name == "face" else 0)
+                continue
+            case ["property", "list", length, kind, column] if length in _INTEGERS:
+                kind = f"list {kind}"
+            case ["property", kind, column]:
+                pass
+            case _:
+                kind = column = ""
+        if kind.removeprefix("list ") not in _TYPES or name not in found or column in found[name].columns:
+            raise MeshError(f"damaged PLY header, cannot read the line {brief(line)!r}")
+        found[name].columns[column] = kind
+    if "tristrips" in found and "face" not in found:
+        raise MeshError("its surface is in triangle strips (tristrips); export it with faces")
+    return form, found
 
 
-def _unpacked(path: Path, order: str, elements: Sequence[Element], body: bytes) -> Iterator[list[bytes]]:
-    """Rows of a binary file as words of a text one, which give back the very numbers."""
-    at = 0
+def _read_text(elements: dict[str, _Element], corners: str, rows: Iterator[Words]) -> RawMesh:
+    cells: dict[str, dict[str, list[Words]]] = {}
+    missing = sum(element.rows for element in elements.values())
+    for name, element in elements.items():
+        columns = cells[name] = {column: [] for column in element.columns}
+        for row in itertools.islice(rows, element.rows):
+            missing -= 1
+            at = 0
+            for column, kind in element.columns.items():
+                word, at = take(row, at) if kind.startswith("list") else (row[at : at + 1], at + 1)
+                columns[column].append(word)
+            if at != len(row):
+                raise ValueError(f"{len(row)} numbers in a row of {name} where {at} belong")
+    if missing or next(rows, None):
+        wrong = f"{missing:,} rows are missing" if missing else "it has more rows than it announces"
+        raise MeshError(f"truncated or damaged, {wrong}; export it again")
+    axes = [itertools.chain.from_iterable(cells["vertex"][axis]) for axis in "xyz"]
+    polygons = [[int(word) for word in polygon] for polygon in cells["face"][corners]]
+    return read_polygons(list(zip(*axes, strict=True)), polygons)
+
+
+def _read_binary(data: bytes, elements: dict[str, _Element], corners: str) -> RawMesh:
+    # trimesh takes every list of a column for as long as the first.
+    other = "truncated or damaged, or its lists are of different lengths; export triangles, or text"
     try:
-        for element in elements:
-            for _ in range(element.count):
-                row: list[Any] = []
-                for column in element.columns:
-                    count = 1
-                    if column.count:
-                        (count,) = struct.unpack_from(order + column.count, body, at)
-                        at += struct.calcsize(order + column.count)
-                        row.append(count)
-                    row += struct.unpack_from(f"{order}{count}{column.kind}", body, at)
-                    at += struct.calcsize(f"{order}{count}{column.kind}")
-                yield [repr(value).encode() for value in row]
-    except struct.error:
-        raise MeshError(
-            f"{path}: truncated or damaged PLY file, its data end in the middle of an element"
-        ) from None
-    if body[at:].strip():
-        raise MeshError(
-            f"{path}: damaged PLY file, more data follow than its header announces; export it again"
-        )
+        (mesh,) = read_scene("ply", data, fix_texture=False, skip_materials=True).geometry.values()
+    except MeshError as problem:
+        raise MeshError(other if "unexpected length" in str(problem) else str(problem)) from None
+    # The columns as they are in the file: what trimesh makes of faces depends on colours, textures and edges.
+    tables = mesh.metadata["_ply_raw"]
+    for name, element in elements.items():
+        for column, kind in element.columns.items():
+            if element.rows and kind.startswith("list") and np.ptp(tables[name]["data"][column]["f0"]):
+                raise MeshError(other)
+    polygons = tables["face"]["data"][corners]["f1"].astype(np.int64).reshape(elements["face"].rows, -1)
+    vertices = np.asarray(mesh.vertices, np.float64)
+    fans = polygons.shape[1] - 2
+    if fans < 1:
+        raise MeshError(f"a face has {fans + 2} vertices, it needs at least 3")
+    check_counts(faces=len(polygons) * fans)
+    check_indices(polygons, len(vertices))
+    faces = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, fans + 1)], axis=1).reshape(-1, 3)
+    refuse_dents(vertices, faces, np.full(len(polygons), fans))
+    return RawMesh(vertices, faces)

@@ -1,14 +1,19 @@
-"""What every reader returns, and the limits that every reader keeps."""
+"""What reading a mesh file gives, the limits that hold for every format, and the way to trimesh.
+
+The readers' messages say what is wrong and what to do; the file is named where they are called.
+"""
 
 from __future__ import annotations
 
+import io
+import re
+import warnings
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from packenv.errors import MeshError, UnitError
+from packenv.errors import MeshError
 from packenv.types import FloatArray, IntArray
 
 MAX_FACES = 1_000_000
@@ -16,9 +21,6 @@ MAX_FACES = 1_000_000
 
 MAX_VERTICES = 3 * MAX_FACES
 """Vertices that a mesh may have: every face with three of its own."""
-
-MAX_COORDINATE = 1e12
-"""Distance from the origin, in any unit, that is still read."""
 
 MAX_FILE_BYTES = 400 * 2**20
 """Size of a mesh file, packed or unpacked, that is still read."""
@@ -45,54 +47,25 @@ class RawMesh:
 
 
 def brief(text: object) -> str:
-    """What a file or a library says, cut to what a message can hold."""
-    whole = str(text)
+    """What a file or a library says, on one line and cut to what a message can hold."""
+    whole = " ".join(str(text).split())
     return whole if len(whole) <= 80 else f"{whole[:77]}..."
 
 
-def check_counts(path: Path, *, vertices: int = 0, faces: int = 0) -> None:
+def check_counts(*, vertices: int = 0, faces: int = 0) -> None:
     """Refuse a mesh that is too large, before any memory is asked for it.
 
     Raises:
         MeshError: more vertices or faces than the limits, or a negative number of them.
     """
-    if vertices < 0 or faces < 0:
-        raise MeshError(f"{path}: damaged, it announces {brief(vertices)} vertices and {brief(faces)} faces")
-    if faces > MAX_FACES:
-        raise MeshError(f"{path}: {brief(f'{faces:,}')} faces, the limit is {MAX_FACES:,}; decimate the mesh")
-    if vertices > MAX_VERTICES:
-        raise MeshError(
-            f"{path}: {brief(f'{vertices:,}')} vertices, the limit is {MAX_VERTICES:,}; decimate the mesh"
-        )
+    for count, what, limit in ((faces, "faces", MAX_FACES), (vertices, "vertices", MAX_VERTICES)):
+        if count < 0:
+            raise MeshError(f"damaged, it announces {brief(count)} {what}; export it again")
+        if count > limit:
+            raise MeshError(f"{brief(f'{count:,}')} {what}, the limit is {limit:,}; decimate the mesh")
 
 
-def check_points(path: Path, vertices: FloatArray) -> None:
-    """Refuse coordinates that are no numbers, or so large that products of three overflow.
-
-    Args:
-        path: named in messages.
-        vertices: (n, 3), the file's unit.
-
-    Raises:
-        MeshError: a coordinate is not finite.
-        UnitError: a coordinate is beyond anything that a unit makes an item of.
-    """
-    finite = np.isfinite(vertices).all(axis=1)
-    if not finite.all():
-        k = int(np.argmin(finite))
-        raise MeshError(
-            f"{path}: vertex {k + 1} is ({', '.join(f'{x:g}' for x in vertices[k])}), "
-            "coordinates must be finite numbers; export it again"
-        )
-    largest = float(np.abs(vertices).max(initial=0.0))
-    if largest > MAX_COORDINATE:
-        raise UnitError(
-            f"{path}: a coordinate of {largest:.3g}, items are 2 mm to 2 m; "
-            "no --unit makes it so, it is damaged or needs scaling"
-        )
-
-
-def check_indices(path: Path, indices: NDArray[np.integer], n_vertices: int) -> None:
+def check_indices(indices: IntArray, n_vertices: int) -> None:
     """Refuse faces that name a vertex that is not there.
 
     Raises:
@@ -101,42 +74,60 @@ def check_indices(path: Path, indices: NDArray[np.integer], n_vertices: int) -> 
     if indices.size and not (indices.min() >= 0 and indices.max() < n_vertices):
         wrong = int(indices.max() if indices.max() >= n_vertices else indices.min())
         raise MeshError(
-            f"{path}: a face names vertex {wrong} (counted from 0) but the file has {n_vertices}; "
+            f"a face names vertex {wrong} (counted from 0) but the file has {n_vertices}; "
             "it is damaged or truncated, export it again"
         )
 
 
-def numbers(path: Path, tokens: list[bytes], what: str) -> FloatArray:
-    """Numbers from their text; the first that is none is named.
+def read_scene(kind: str, data: bytes, **options: Any) -> Any:
+    """What trimesh makes of a file's bytes, nothing merged or dropped.
+
+    Args:
+        kind: ``stl``, ``off``, ``ply``, ``glb`` or ``3mf``.
+        data: what the gate lets through.
+        options: for trimesh's reader.
+
+    Returns:
+        A ``trimesh.Scene``.
 
     Raises:
-        MeshError: a token is not a number.
+        MeshError: trimesh cannot read it, or stops at a word that is no number.
     """
-    try:
-        return np.array(tokens, dtype=np.float64)
-    except ValueError:
-        for token in tokens:
-            try:
-                float(token)
-            except ValueError:
-                text = token[:40].decode("utf-8", "replace")
-                hint = " (decimals take a point)" if "," in text else ""
-                raise MeshError(f"{path}: {what} holds {text!r}, which is not a number{hint}") from None
-        raise
+    import trimesh
+
+    with warnings.catch_warnings():
+        # NumPy ends at such a word and warns; the numbers up to it would be taken for all.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        try:
+            return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
+        except Exception as problem:  # trimesh lets the errors of many libraries through
+            said = brief(f"{type(problem).__name__}: {problem}")
+            hint = "write decimals with a point" if re.search(r"\d,\d", said) else "export it again"
+            raise MeshError(f"truncated or damaged ({said}); {hint}") from None
 
 
-def integers(path: Path, tokens: list[bytes], what: str) -> IntArray:
-    """Integers from their text; the first that is none is named.
+def read_mesh(kind: str, data: bytes, vertices: int, faces: int, **options: Any) -> RawMesh:
+    """All meshes of a file in one, each moved to its place in the scene.
+
+    Args:
+        kind: as for :func:`read_scene`, like ``data`` and ``options``.
+        data: see there.
+        vertices: how many the file announces.
+        faces: how many triangles the file announces.
+        options: see there.
 
     Raises:
-        MeshError: a token is not an integer, or does not fit into 64 bits.
+        MeshError: as there; or a face names a vertex that is not there, or other counts are found.
     """
-    try:
-        return np.array([int(token) for token in tokens], dtype=np.int64)
-    except (ValueError, OverflowError):
-        for token in tokens:
-            digits = token.removeprefix(b"-")
-            if not (digits.isdigit() and len(digits) < 19):
-                text = token[:40].decode("utf-8", "replace")
-                raise MeshError(f"{path}: {what} holds {text!r}, which is not a whole number") from None
-        raise
+    if not faces:
+        return RawMesh(np.zeros((vertices, 3)), np.empty((0, 3), np.int64))
+    scene = read_scene(kind, data, **options)
+    for mesh in scene.geometry.values():
+        check_indices(getattr(mesh, "faces", np.empty(0, np.int64)), len(mesh.vertices))
+    whole = scene.to_mesh()
+    if (len(whole.vertices), len(whole.faces)) != (vertices, faces):
+        raise MeshError(
+            f"truncated or damaged, it announces {vertices:,} vertices and {faces:,} faces "
+            f"and {len(whole.vertices):,} and {len(whole.faces):,} are there; export it again"
+        )
+    return RawMesh(np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int64))

@@ -1,31 +1,21 @@
-"""3MF: the objects that its build plate holds, components and transforms applied, in the unit it states."""
+"""3MF: the objects that its build plate holds, components and transforms applied, in the unit it states.
+
+trimesh leaves out what other model files hold, takes helper volumes for solid ones, runs in circles of
+components, and multiplies references out before it counts.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import io
+import re
 import zipfile
-import zlib
-from pathlib import Path
-from xml.etree import ElementTree
-
-import numpy as np
+from xml.parsers import expat
 
 from packenv.errors import MeshError
-from packenv.geometry.readers.raw import (
-    MAX_FACES,
-    MAX_FILE_BYTES,
-    MAX_VERTICES,
-    RawMesh,
-    brief,
-    check_counts,
-    check_indices,
-)
-from packenv.geometry.readers.scene import ScenePart, joined
-from packenv.types import FloatArray, IntArray
+from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh, brief, check_counts, read_mesh
 
-ROOT_MODEL = "3d/3dmodel.model"
-"""Name, in lower case, that the main model usually has inside the archive."""
-
+_ROOT_MODEL = "3d/3dmodel.model"  # as it is usually named, in lower case
 _METRES = {
     "micron": 1e-6,
     "millimeter": 1e-3,
@@ -34,141 +24,114 @@ _METRES = {
     "foot": 0.3048,
     "meter": 1.0,
 }
-_MAX_DEPTH = 32
-_MAX_PARTS = 10_000
-_MAX_TAGS = MAX_FACES + MAX_VERTICES + 100_000
-_RELATIONS = "_rels/.rels"
+_MAX_DEPTH, _MAX_PARTS = 32, 2_000
+_MAX_TAGS = 2_000_000
+_NOT_SOLID = "holds negative, modifier or support volumes; export the finished solid"
+_DECLARATION = re.compile(rb"^(\xef\xbb\xbf)?\s*<\?xml[^>]*\?>")
+_PART_NUMBER = re.compile(rb"""\spartnumber\s*=\s*("[^"]*"|'[^']*')""")
+_HELPERS = re.compile(
+    rb"negative_part|modifier_part|NegativeVolume|ParameterModifier|SupportBlocker|SupportEnforcer"
+)
 
 
-def read_threemf(path: Path, data: bytes) -> RawMesh:
-    """Read a 3MF file (core specification, and the production extension's objects in other model files).
-
-    Args:
-        path: named in messages.
-        data: the file's bytes.
-
-    Returns:
-        Everything on the build plate in one mesh.
+def read_threemf(data: bytes) -> RawMesh:
+    """Read a 3MF file: everything on the build plate in one mesh.
 
     Raises:
-        MeshError: a damaged archive or model, nothing on the build plate, or more than the limits.
+        MeshError: a damaged archive or model, more than the limits, or something that trimesh would not read.
     """
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            return _Package(path, archive).read()
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as problem:
-        raise MeshError(
-            f"{path}: truncated or damaged 3MF file ({brief(problem)}); export it again"
-        ) from None
-    except (ElementTree.ParseError, LookupError, ValueError, OverflowError) as problem:
-        raise MeshError(
-            f"{path}: damaged 3MF file, its model cannot be read ({brief(problem)}); export it again"
-        ) from None
-
-
-class _Package:
-    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
-        self.path = path
-        self.archive = archive
-        self.models: dict[str, ElementTree.Element] = {}
-        self.names = {name.lower().lstrip("/"): name for name in archive.namelist()}
-        self.tags = 0
-        self.objects: dict[str, dict[str | None, ElementTree.Element]] = {}
-        self.meshes: dict[tuple[str, str], tuple[FloatArray, IntArray]] = {}
-        self.parts: list[ScenePart] = []
-        self.visited = 0
-        self.counts = [0, 0]
-
-    def read(self) -> RawMesh:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
         # An archive says how long its members are; a lie is caught by the length that is read.
-        if sum(info.file_size for info in self.archive.infolist()) > MAX_FILE_BYTES:
-            raise MeshError(
-                f"{self.path}: unpacks to more than {MAX_FILE_BYTES >> 20} MiB; decimate the mesh"
-            )
-        name = self._root()
-        root = self._model(name)
-        unit = root.get("unit", "millimeter")
-        if unit not in _METRES:
-            raise MeshError(f"{self.path}: its unit is {brief(unit)!r}, 3MF knows {', '.join(_METRES)}")
-        for item in root.findall("{*}build/{*}item"):
-            self._place(_model_of(item) or name, item.attrib["objectid"], _transform(item), 0)
-        return joined(self.path, self.parts, metres=_METRES[unit])
-
-    def _root(self) -> str:
-        """Name of the main model: the one that the package's relations name, else the usual one."""
-        if ROOT_MODEL not in self.names and _RELATIONS in self.names:
-            for relation in self._model(_RELATIONS):
-                if relation.get("Type", "").endswith("/3dmodel"):
-                    return relation.attrib["Target"].lstrip("/").lower()
-        return ROOT_MODEL
-
-    def _model(self, name: str) -> ElementTree.Element:
-        if name not in self.models:
-            if name not in self.names:
-                raise MeshError(f"{self.path}: not a 3MF file, or damaged: it holds no {brief(name)}")
-            text = self.archive.read(self.names[name])
-            if b"\0" in text:
-                raise MeshError(f"{self.path}: {brief(name)} is not in UTF-8; export it again")
-            if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-                raise MeshError(f"{self.path}: its model declares XML entities, which 3MF does not allow")
-            check_counts(self.path, vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
-            # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
-            self.tags += text.count(b"<")
-            if self.tags > _MAX_TAGS:
-                raise MeshError(f"{self.path}: over {_MAX_TAGS:,} XML tags in its models; decimate the mesh")
-            self.models[name] = ElementTree.fromstring(text)
-        return self.models[name]
-
-    def _place(self, model: str, object_id: str, transform: FloatArray, depth: int) -> None:
-        self.visited += 1
-        if depth > _MAX_DEPTH or self.visited > _MAX_PARTS:
-            raise MeshError(
-                f"{self.path}: damaged 3MF file, its components are nested in a circle or too many"
-            )
-        if model not in self.objects:
-            found = self._model(model).findall("{*}resources/{*}object")
-            self.objects[model] = {thing.get("id"): thing for thing in reversed(found)}
-        thing = self.objects[model].get(object_id)
-        if thing is None:
-            raise MeshError(
-                f"{self.path}: damaged 3MF file, object {brief(object_id)} is placed but not there"
-            )
-        mesh = thing.find("{*}mesh")
-        if mesh is not None:
-            if (model, object_id) not in self.meshes:
-                self.meshes[model, object_id] = self._arrays(mesh)
-            part = ScenePart(*self.meshes[model, object_id], transform)
-            # Counted before it is moved to its place: a small file can place a large mesh very often.
-            self.counts = [self.counts[0] + len(part.vertices), self.counts[1] + len(part.faces)]
-            check_counts(self.path, vertices=self.counts[0], faces=self.counts[1])
-            self.parts.append(part)
-        for component in thing.findall("{*}components/{*}component"):
-            nested = transform @ _transform(component)
-            self._place(_model_of(component) or model, component.attrib["objectid"], nested, depth + 1)
-
-    def _arrays(self, mesh: ElementTree.Element) -> tuple[FloatArray, IntArray]:
-        points = [[v.attrib[a] for a in "xyz"] for v in mesh.iterfind("{*}vertices/{*}vertex")]
-        corners = [
-            [int(t.attrib[a]) for a in ("v1", "v2", "v3")] for t in mesh.iterfind("{*}triangles/{*}triangle")
-        ]
-        vertices = np.array(points, dtype=np.float64).reshape(-1, 3)
-        faces = np.array(corners, dtype=np.int64).reshape(-1, 3)
-        check_indices(self.path, faces, len(vertices))
-        return vertices, faces
+        if sum(info.file_size for info in archive.infolist()) > MAX_FILE_BYTES:
+            raise MeshError(f"unpacks to more than {MAX_FILE_BYTES >> 20} MiB; decimate the mesh")
+        names = {name.lower().lstrip("/"): name for name in archive.namelist()}
+        root = _ROOT_MODEL
+        if root not in names and "_rels/.rels" in names:
+            for relation in re.findall(rb"<Relationship\s[^>]*>", archive.read(names["_rels/.rels"])):
+                target = re.search(rb'Target="/?([^"]*)"', relation)
+                if target and b'/3dmodel"' in relation:
+                    root = target[1].decode().lower()
+        if root not in names:
+            raise MeshError(f"not a 3MF file, or damaged: it holds no {brief(root)}")
+        text = archive.read(names[root])
+        for name in names:
+            if name.endswith(".config") and _HELPERS.search(archive.read(names[name])):
+                raise MeshError(_NOT_SOLID)
+    if b"\0" in text:
+        raise MeshError(f"{brief(root)} is not in UTF-8; export it again")
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise MeshError("its model declares XML entities, which 3MF does not allow")
+    # Without its declaration a text is UTF-8 for every parser, and two items may be the same part.
+    text = _PART_NUMBER.sub(b"", _DECLARATION.sub(b"", text))
+    model = _Model(text)
+    vertices, faces, _ = model.placed()
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("3D/3dmodel.model", text)
+    raw = read_mesh("3mf", packed.getvalue(), vertices, faces, postprocess=False)
+    return dataclasses.replace(raw, split=True, metres=_METRES[model.unit])
 
 
-def _model_of(element: ElementTree.Element) -> str | None:
-    """The other model file that a production-extension reference names, or None."""
-    for key, value in element.attrib.items():
-        if key.endswith("}path"):
-            return value.lstrip("/").lower()
-    return None
+class _Model:
+    """What a model announces: the size of each object, and which objects each holds."""
 
+    def __init__(self, text: bytes) -> None:
+        self.unit = "millimeter"
+        # Vertices and faces by object; None is the build plate.
+        self.sizes: dict[str | None, list[int]] = {None: [0, 0]}
+        self.held: dict[str | None, list[str]] = {None: []}
+        self.totals: dict[str | None, tuple[int, ...]] = {}
+        self.here: str | None = None
+        # A few hundred packed kilobytes can hold 100 million tags, each an object in memory.
+        check_counts(vertices=text.count(b"<vertex "), faces=text.count(b"<triangle "))
+        if text.count(b"<") > _MAX_TAGS:
+            raise MeshError(f"over {_MAX_TAGS:,} XML tags in its model; decimate the mesh")
+        parser = expat.ParserCreate("utf-8", " ")
+        parser.StartElementHandler = self._start
+        try:
+            parser.Parse(text, True)
+        except expat.ExpatError as problem:
+            raise ValueError(str(problem)) from None
+        if self.unit not in _METRES:
+            raise MeshError(f"its unit is {brief(self.unit)!r}, 3MF knows {', '.join(_METRES)}")
+        # trimesh walks no further than this, and leaves the rest out.
+        places = {*self.held, *(held for group in self.held.values() for held in group)}
+        self.most = min(_MAX_PARTS, sum(map(len, self.held.values())) * len(places))
 
-def _transform(element: ElementTree.Element) -> FloatArray:
-    """(4, 4) from the 12 numbers of the attribute: 3MF multiplies rows from the left."""
-    transform = np.eye(4)
-    text = element.get("transform")
-    if text:
-        transform[:3, :] = np.array(text.split(), dtype=np.float64).reshape(4, 3).T
-    return transform
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        match tag.rpartition(" ")[2]:
+            case "vertex":
+                for axis in "xyz":
+                    float(attributes[axis])
+                self.sizes[self.here][0] += 1
+            case "triangle":
+                for corner in ("v1", "v2", "v3"):
+                    int(attributes[corner])
+                self.sizes[self.here][1] += 1
+            case "model":
+                self.unit = attributes.get("unit", self.unit)
+            case "object":
+                self.here = attributes["id"]
+                if self.here in self.sizes or not self.here.isdigit() or len(self.sizes) > _MAX_PARTS:
+                    raise ValueError(f"object {brief(self.here)}: there twice, no number, or one too many")
+                self.sizes[self.here], self.held[self.here] = [0, 0], []
+                if attributes.get("type", "model") != "model":
+                    raise MeshError(_NOT_SOLID)
+            case "component" | "item" as tag:
+                if any(key.endswith("path") for key in attributes):
+                    raise MeshError("keeps parts in other model files; export it as one model")
+                self.held[self.here if tag == "component" else None].append(attributes["objectid"])
+
+    def placed(self, thing: str | None = None, depth: int = 0) -> tuple[int, ...]:
+        """Vertices, faces and references of an object and all that it holds; None is the build plate."""
+        if depth > _MAX_DEPTH:
+            raise MeshError("damaged 3MF file, its components are nested in a circle or too deep")
+        if thing not in self.sizes:
+            raise MeshError(f"damaged 3MF file, object {brief(thing)} is placed but not there")
+        if thing not in self.totals:
+            rows = [(*self.sizes[thing], 1), *(self.placed(held, depth + 1) for held in self.held[thing])]
+            self.totals[thing] = vertices, faces, references = tuple(map(sum, zip(*rows, strict=True)))
+            check_counts(vertices=vertices, faces=faces)
+            if references > self.most + 1:
+                raise MeshError("its parts are placed too often, or nested; export fewer, flat")
+        return self.totals[thing]

@@ -1,15 +1,12 @@
-"""Cutting polygons: area, winding and inside are kept."""
+"""Cutting the edge of a hole into triangles: area, winding and inside are kept."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from packenv.errors import MeshError
-from packenv.geometry.polygons import MAX_CORNERS, least_area_cut, triangulated
+from packenv.geometry.holes import MAX_CORNERS, least_area_cut
 
 
 def star(n: int, seed: int) -> np.ndarray:
@@ -28,20 +25,12 @@ def shoelace(points: np.ndarray) -> float:
 @given(n=st.integers(4, 20), seed=st.integers(0, 2**31), first=st.integers(0, 19))
 def test_a_flat_polygon_is_covered_once_whatever_its_dents(n, seed, first):
     flat = np.roll(star(n, seed), first, axis=0)
-    points = np.column_stack([flat, np.zeros(n)])
-    faces = triangulated(Path("p.obj"), points, np.array([n]), np.arange(n))
+    faces = least_area_cut(np.column_stack([flat, np.zeros(n)]))
     assert len(faces) == n - 2
     a, b, c = (flat[faces[:, k]] for k in range(3))
     areas = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert (areas > -1e-12).all()
     assert areas.sum() == pytest.approx(shoelace(flat))
-
-
-def test_mixed_polygons_keep_their_sequence_and_their_corners():
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], dtype=float)
-    faces = triangulated(Path("p.obj"), points, np.array([4, 3, 3]), np.array([0, 1, 2, 3, 1, 4, 2, 4, 5, 2]))
-    assert faces[2:].tolist() == [[1, 4, 2], [4, 5, 2]]
-    assert sorted(np.unique(faces[:2])) == [0, 1, 2, 3]
 
 
 def test_a_bent_ring_is_folded_the_way_of_less_area():
@@ -58,10 +47,5 @@ def test_a_bent_ring_is_folded_the_way_of_less_area():
 
 
 def test_too_many_corners_are_refused():
-    n = MAX_CORNERS + 1
-    flat = star(n, 1)
-    points = np.column_stack([flat, np.zeros(n)])
-    with pytest.raises(MeshError, match=rf"p\.obj.*{n} corners"):
-        triangulated(Path("p.obj"), points, np.array([n]), np.arange(n))
     with pytest.raises(ValueError, match="corners"):
-        least_area_cut(points)
+        least_area_cut(np.column_stack([star(MAX_CORNERS + 1, 1), np.zeros(MAX_CORNERS + 1)]))
