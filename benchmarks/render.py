@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import packenv as rp
-from packenv.robot.files import default_cell
+from packenv.items.plan_items import cell_of
 from packenv.view.animation import planned_frames, write_gif
 from packenv.view.picture import write_png
 from packenv.view.show import scene_of
@@ -61,7 +61,7 @@ def main() -> int:
     arguments = parser.parse_args()
 
     plan = rp.plan(ORDER, BOX, constraints="overlap")
-    scene, stage = scene_of(plan), Stage(default_cell().with_container(BOX), (480, 480))
+    scene, stage = scene_of(plan), Stage(cell_of(plan), (480, 480))
     placed = [(plan.items[p.item], p.pose) for p in plan.placements]
     frames = planned_frames(plan)
     with tempfile.TemporaryDirectory() as folder:

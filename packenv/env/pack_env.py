@@ -214,8 +214,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         if self.render_mode == "human" and self._window is None:
             self._window = Window(_FRAME_SIZE, self.metadata["render_fps"])
         if self._stage is None or self._stage.cell.container != episode.container:
-            setup = self._rules.options.setup
-            self._stage = Stage(setup.with_container(episode.container), _FRAME_SIZE)
+            self._stage = Stage(self._rules.options.setup.with_container(episode.container), _FRAME_SIZE)
         placed, joints = episode.scene()
         picture = self._stage.draw(placed, self._stage.home if joints is None else joints)
         if self._window is None:

@@ -17,7 +17,6 @@ def render_image(
     scene: Scene,
     *,
     size: tuple[int, int] = (1280, 960),
-    step: int | None = None,
     azimuth: float = -58.0,
     elevation: float = 32.0,
 ) -> Image:
@@ -26,7 +25,6 @@ def render_image(
     Args:
         scene: what to show.
         size: (width, height), px.
-        step: number of placed items to show; all by default.
         azimuth: from the container's middle to the eye, degrees from +x towards +y.
         elevation: degrees above the horizon, between -90 and 90.
 
@@ -34,14 +32,11 @@ def render_image(
         (height, width, 3) sRGB.
 
     Raises:
-        ValueError: ``step``, ``size`` or ``elevation`` is out of range.
+        ValueError: ``size`` or ``elevation`` is out of range.
     """
-    shown = len(scene.steps) if step is None else step
-    if not 0 <= shown <= len(scene.steps):
-        raise ValueError(f"step {shown}: the scene has steps 0 to {len(scene.steps)}")
     corners = box_corners(scene.container)
     camera = camera_around(corners, size, azimuth, elevation)
-    placed = [(s.item, s.measured or s.placement.pose) for s in scene.steps[:shown]]
+    placed = [(s.item, s.measured or s.placement.pose) for s in scene.steps]
     return paint(scene.container, placed_surfaces(placed), camera, FINE, corners)
 
 

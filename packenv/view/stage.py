@@ -66,8 +66,9 @@ class Stage:
         """
         surfaces = [self._table, *placed_surfaces(placed)]
         if joints is not None:
-            links = self.cell.poses_to_container(self.cell.robot.link_frames(joints))
-            for link, surface in robot_surfaces(self.cell.robot.shapes.primitives):
+            robot = self.cell.robot
+            links = self.cell.poses_to_container(robot.link_frames(joints))
+            for link, surface in robot_surfaces(robot.shapes.primitives):
                 surfaces.append(surface.at(Pose(links[link, :3, :3], links[link, :3, 3])))
         return paint(self.cell.container, surfaces, self.camera, QUICK, self._around)
 

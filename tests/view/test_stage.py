@@ -8,13 +8,13 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import psutil
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from packenv.robot.cell import Cell
 from packenv.robot.files import default_cell
 from packenv.types import Container, FloatArray, Item, Pose
 from packenv.view import surfaces
@@ -22,7 +22,6 @@ from packenv.view.colours import item_colour
 from packenv.view.painter import Image
 from packenv.view.stage import Stage, robot_surfaces
 from tests.conftest import REPO
-from tests.robot.sampling import TX90
 from tests.shapes import ball, box, cup, cylinder
 
 CONTAINER = Container(0.32, 0.32, 0.30)
@@ -188,9 +187,8 @@ def test_the_arm_is_seen_and_follows_its_joints() -> None:
 
 def test_the_robot_is_drawn_as_it_is_checked() -> None:
     """Every primitive's surface lies at its radius, closed and turned outwards."""
-    for (link, surface), primitive in zip(
-        robot_surfaces(TX90.shapes.primitives), TX90.shapes.primitives, strict=True
-    ):
+    primitives = default_cell().robot.shapes.primitives
+    for (link, surface), primitive in zip(robot_surfaces(primitives), primitives, strict=True):
         assert link == primitive.link
         start, end = np.array(primitive.start), np.array(primitive.end)
         along = (end - start) / np.linalg.norm(end - start)
@@ -211,7 +209,7 @@ def test_at_home_the_cup_is_above_the_middle_of_the_rim() -> None:
     tool = there.cell.to_container(there.cell.robot.tool(there.home[None])[0, :3, 3])
     assert tool == pytest.approx([0.16, 0.16, 0.36], abs=1e-6)
     assert (there.draw([], there.home) != there.draw([])).any(axis=2).mean() > 0.03
-    far = Stage(Cell(default_cell(), CONTAINER, (3.0, 0.0, 0.0)), SIZE)
+    far = Stage(replace(there.cell, position=(3.0, 0.0, 0.0)), SIZE)
     assert np.array_equal(far.home, np.zeros(6))
 
 
