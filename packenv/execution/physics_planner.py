@@ -54,7 +54,7 @@ _STILL = 1e-4
 """Items that a drop moves by less than this keep their place in the heightmap, m."""
 
 _DROPPED = 30
-"""Most candidates of a tier that are dropped without a margin's word for them: drops are dear."""
+"""Most candidates of a tier that are dropped without a margin's word for them: drops are expensive."""
 _EACH_DROPPED = 3
 """Most of them at one orientation."""
 
@@ -115,7 +115,7 @@ class PhysicsConstraint(Constraint):
 
     @property
     def name(self) -> str:
-        """One word."""
+        """The word for this constraint in figures and messages."""
         return "physics"
 
     def start(self, resting: Sequence[Resting] = ()) -> tuple[Lying, ...]:
@@ -150,7 +150,7 @@ class PhysicsConstraint(Constraint):
         self._scratch.close()
 
 
-class Unasked(Constraint):
+class NoDrop(Constraint):
     """In place of a :class:`PhysicsConstraint` on the same states: drops nothing, and knows of no drop."""
 
     @property
@@ -160,7 +160,7 @@ class Unasked(Constraint):
 
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Every candidate passes."""
-        return Verdict(True, state=state, details={"rule": "unasked"})
+        return Verdict(True, state=state, details={"rule": "no-drop"})
 
 
 def _travel(was: Lying, now: Lying) -> float:
@@ -225,10 +225,10 @@ def make_planner(
         tier for cells in levels[:-1] for tier in (margin(cells), tried(cells, strict), tried(cells, lenient))
     ]
     roomy += [tried(cells, inside) for cells in levels[:-1]]
-    whatever = Tier(0, {inside.name: inside}, risk=_risk(0, inside))
-    tight = [margin(0), tried(0, strict), tried(0, lenient), whatever]
+    last_resort = Tier(0, {inside.name: inside}, risk=_risk(0, inside))
+    tight = [margin(0), tried(0, strict), tried(0, lenient), last_resort]
     first = [tier for cells in levels[:-1] or (0,) for tier in (margin(cells), tried(cells, strict))]
-    unasked = Unasked()
+    no_drop = NoDrop()
     strategy = replace(
         planner.strategy,
         first=first,
@@ -236,7 +236,7 @@ def make_planner(
         # An order that does not fit with room to spare may fit without.
         restart_tiers=(*first, margin(0), tried(0, strict)) if roomy else None,
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
-        last_resorts=((whatever,), *as_paper(levels, {unasked.name: unasked})),
+        last_resorts=((last_resort,), *as_paper(levels, {no_drop.name: no_drop})),
     )
     return replace(planner, constraints=(*planner.constraints, strict), strategy=strategy)
 
@@ -258,6 +258,6 @@ def make_spares(
     """
     if options.stability != "physics":
         return ()
-    brisk = replace(options, stability="cautious", restarts=min(options.restarts, 1))
+    quicker = replace(options, stability="cautious", restarts=min(options.restarts, 1))
     clear = (0.0,) if options.clearance == 0.0 else (options.clearance, 0.0)
-    return tuple(assemble(replace(brisk, clearance=c), items, container, margins=margins) for c in clear)
+    return tuple(assemble(replace(quicker, clearance=c), items, container, margins=margins) for c in clear)

@@ -109,8 +109,10 @@ class PlanningJob:
         All but the last container are given up as soon as they are known not to do. What does without a margin
         in a small box goes before a margin in a larger one.
         """
-        brisk = replace(self.options, restarts=0)
-        rules = [brisk, replace(brisk, stability="paper")] if brisk.stability == "cautious" else [brisk]
+        no_restarts = replace(self.options, restarts=0)
+        rules = [no_restarts]
+        if no_restarts.stability == "cautious":
+            rules.append(replace(no_restarts, stability="paper"))
         for box, rule in itertools.product(boxes[:-1], rules):
             packing = replace(self, options=rule).pack(box, sequence, give_up=True)
             if packing.complete:
@@ -120,7 +122,7 @@ class PlanningJob:
     def rehearse(
         self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()
     ) -> Rehearsed:
-        """What is left of plans that were carried out in simulated worlds."""
+        """The best of the plans that were carried out in simulated worlds."""
         from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
         from packenv.sim.drop_test import Lying
         from packenv.sim.session import ExecutionConfig

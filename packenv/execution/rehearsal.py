@@ -153,7 +153,7 @@ def pack_rehearsed(
 
     First by the spares, then by the planner: by other heuristics, and with what went wrong at the end of the
     sequence, where little comes after that could meet it. A plan's rehearsal ends with the first world in
-    which it fails, for worlds are dear. Where no plan survives them all, of those that place the most items
+    which it fails, for worlds are expensive. Where no plan survives them all, of those that place the most items
     the few that got farthest are carried out in all worlds. What succeeds in most is kept, of such what fails
     latest.
 
@@ -184,7 +184,7 @@ class _Tried:
     packing: Packing
     executions: dict[int, Execution] = field(default_factory=dict)
     blamed_items: frozenset[str] = frozenset()
-    flawless: bool = False
+    nothing_to_improve: bool = False
 
     @property
     def survived(self) -> int:
@@ -213,7 +213,7 @@ class _Search:
         return self.tried[-1].blamed_items
 
     def pack(self, planner: Planner, sequence: list[str] | None = None) -> Packing:
-        """Plan."""
+        """Pack the order, or the given sequence, on what lies there at the start."""
         pile = None if self.start is None else planner.pile(*self.start)
         return planner.pack(sequence or self.sequence, self.items, self.rehearsal.cell.container, pile)
 
@@ -228,8 +228,8 @@ class _Search:
             if not execution.success:
                 found.blamed_items = self.rehearsal.blamed_items(execution)
                 return False
-        found.flawless = not packing.improvable
-        return found.flawless
+        found.nothing_to_improve = not packing.improvable
+        return found.nothing_to_improve
 
     def most(self) -> int:
         """Items of the fullest plan."""
@@ -279,13 +279,13 @@ class _Search:
     def result(self, running: Packing | None) -> Rehearsed:
         """The best plan."""
         best = self.tried[-1]
-        if not best.flawless:
+        if not best.nothing_to_improve:
             fullest = [found for found in self.tried if len(found.packing.placements) == self.most()]
-            hopeful = sorted(fullest, key=lambda f: (f.survived, f.released), reverse=True)[:RANKED]
-            for found in hopeful:
+            best_so_far = sorted(fullest, key=lambda f: (f.survived, f.released), reverse=True)[:RANKED]
+            for found in best_so_far:
                 for world in set(range(self.rehearsal.worlds)) - found.executions.keys():
                     self.carry_out(found, world)
-            best = max(hopeful, key=lambda f: (f.survived, f.released, f.packing is not running))
+            best = max(best_so_far, key=lambda f: (f.survived, f.released, f.packing is not running))
         return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried), best.how)
 
     def carry_out(self, found: _Tried, world: int) -> Execution:

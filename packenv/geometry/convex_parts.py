@@ -133,7 +133,7 @@ def _measured(
     hulls = [hull_of(p) for p in parts]
     samples = np.concatenate([surface_points(h, _SAMPLE) for h in hulls])
     quick = depth.quick(samples)
-    # Exact distances are dear, and only those that may be the largest are of use.
+    # Exact distances are expensive, and only those that may be the largest are of use.
     bulge = float(depth.exact(samples[quick >= quick.max() - _DOUBT]).max())
     points = np.concatenate([item.vertices, item.vertices[item.faces].mean(axis=1)])
     outside = np.full(len(points), np.inf)

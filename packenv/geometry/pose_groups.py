@@ -220,12 +220,12 @@ class PoseComparer:
         near = (distances <= slack).mean(axis=1)
         badness = np.minimum(distances, slack).mean(axis=1)
         # So few probes scatter by some 3 % around the share that the whole surface has.
-        hopeful = np.flatnonzero(near >= NEAR_SHARE - 0.08)
-        hopeful = hopeful[np.argsort(badness[hopeful], kind="stable")][:_REFINED_YAWS]
+        promising = np.flatnonzero(near >= NEAR_SHARE - 0.08)
+        promising = promising[np.argsort(badness[promising], kind="stable")][:_REFINED_YAWS]
         fine = np.linspace(-0.5 * step, 0.5 * step, 2 * _FINE_STEPS + 1)
         every = slice(None, None, _PROBES // _FINE_PROBES)
         bound = 2.0 * self.tolerance
-        for start in yaws[hopeful]:
+        for start in yaws[promising]:
             around = start + fine
             cost = np.minimum(self._distances(a, b, around, self._sparse_tree, every, bound), bound).mean(
                 axis=1

@@ -16,7 +16,7 @@ from packenv.robot.protocol import Robot
 from packenv.types import BoolArray, Container, FloatArray
 
 TALLEST_ITEM = 0.30
-"""Tallest item that may hang below the cup, m (DESIGN: the container of the paper is 0.30 m high)."""
+"""Tallest item that may hang below the cup, m (the paper's container is 0.30 m high)."""
 
 LOWEST_CUP = 0.005
 """Lowest final height of the cup in the map: the thickness of the thinnest item worth packing, m."""

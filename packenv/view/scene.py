@@ -200,7 +200,7 @@ def _stability_figures(details: Mapping[str, Any]) -> dict[str, object]:
 
 def _physics_figures(details: Mapping[str, Any]) -> dict[str, object]:
     rule = str(details.get("rule", "strict"))
-    if rule == "unasked":
+    if rule == "no-drop":
         return {"In a drop": "not tried"}
     shift, sink = float(details["shift_m"]) * 1e3, float(details["sink_m"]) * 1e3
     figures: dict[str, object] = {

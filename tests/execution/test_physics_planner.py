@@ -248,5 +248,5 @@ def test_physics_costs_no_item(shelf: ItemShelf, physics: dict[str, PhysicsItem]
         alone = planned(options_of(stability="physics", restarts=0), shelf, physics)
     assert packing.complete
     assert where(packing) == where(plain)
-    assert {p.details["physics"]["rule"] for p in packing.placements} == {"unasked"}  # type: ignore[index]
+    assert {p.details["physics"]["rule"] for p in packing.placements} == {"no-drop"}  # type: ignore[index]
     assert not alone.placements

@@ -33,7 +33,7 @@ class ManipulationConstraint(Constraint):
 
     @property
     def name(self) -> str:
-        """One word."""
+        """The word for this constraint in figures and messages."""
         return "manipulation"
 
     def objection(self, oriented: OrientedItem) -> str | None:

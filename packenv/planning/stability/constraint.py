@@ -88,7 +88,7 @@ class StabilityConstraint(Constraint):
 
     @property
     def name(self) -> str:
-        """One word."""
+        """The word for this constraint in figures and messages."""
         return "stability"
 
     def start(self, resting: Sequence[Resting] = ()) -> PileState:
