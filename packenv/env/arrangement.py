@@ -9,7 +9,7 @@ from typing import Protocol
 from packenv.planning.constraints import Constraint
 from packenv.planning.packing import Pile
 from packenv.planning.search.container_map import ContainerMap
-from packenv.types import Container, Placement, Pose
+from packenv.types import Placement, Pose
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,9 @@ class Arrangement(Protocol):
 class PlannedArrangement:
     """Every item lies where it was planned."""
 
-    def __init__(self, container: Container, cell_size: float, constraints: Sequence[Constraint]) -> None:
+    def __init__(self, empty: ContainerMap, constraints: Sequence[Constraint]) -> None:
         """Begin with an empty container."""
-        self._pile = Pile(
-            ContainerMap.empty(container, cell_size), tuple(constraint.start() for constraint in constraints)
-        )
+        self._pile = Pile(empty, tuple(constraint.start() for constraint in constraints))
         self._poses: list[Pose] = []
 
     @property

@@ -12,6 +12,7 @@ from packenv.planning.options import (
     ContactRule,
     Geometry,
     GraspRule,
+    HeightRule,
     PlanOptions,
     Rule,
     Sequencing,
@@ -43,6 +44,7 @@ _RULES: Final = {
 _PLANNING: Final = (
     "stability",
     "contacts",
+    "heights",
     "grasp",
     "max_checked",
     "sequence",
@@ -69,6 +71,8 @@ class PackConfig:
             pile stands with it; ``robot``: also the robot can bring it there.
         stability: ``paper``: equilibrium; ``margin``: also with less friction under tilted gravity.
         contacts: ``surface`` or ``paper``, as in :class:`packenv.planning.options.PlanOptions`.
+        heights: ``map``: items come down as far as the heightmaps say; ``mesh``: until the surfaces touch, some
+            milliseconds a candidate. With physics ``map``.
         grasp: ``seal``, ``flat`` or ``paper``, likewise.
         heuristics: own ones, each a function or ``module:name``: their scores and ranks are the last columns of
             the candidates, and the best valid candidate of each is among them.
@@ -98,6 +102,7 @@ class PackConfig:
     mask: MaskLevel = "robot"
     stability: Literal["paper", "margin"] = "paper"
     contacts: ContactRule = "surface"
+    heights: HeightRule = "map"
     grasp: GraspRule = "seal"
     heuristics: tuple[str | Heuristic, ...] = ()
     own_constraints: tuple[str | Constraint, ...] = ()

@@ -19,6 +19,8 @@ from packenv.planning.inquiry import Memory, place
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
+from packenv.planning.search.contact_height import ExactPile
+from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import HEURISTICS
 from packenv.planning.search.orientations import OrientationMemory, perturbations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
@@ -102,7 +104,9 @@ class Episode:
     def _arrangement(self) -> Arrangement:
         config = self.config
         if not config.physics:
-            return PlannedArrangement(self.container, config.grid.cell_size, self.constraints)
+            exact = ExactPile(self.shelf.shapes) if config.heights == "mesh" else None
+            empty = ContainerMap.empty(self.container, config.grid.cell_size, exact)
+            return PlannedArrangement(empty, self.constraints)
         from packenv.env.physical_arrangement import PhysicalArrangement
 
         cell = self.rules.options.setup.with_container(self.container)

@@ -209,6 +209,7 @@ def assemble(
         give_up,
         options.seed,
         options.setup.release_height,
+        items.shapes if options.heights == "mesh" else None,
     )
 
 

@@ -21,6 +21,7 @@ HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "ra
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
 StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
 ContactRule: TypeAlias = Literal["surface", "paper"]
+HeightRule: TypeAlias = Literal["map", "mesh"]
 GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
@@ -112,6 +113,8 @@ class PlanOptions:
             while all others are held, and what has no such place goes last; ``margin``: the whole pile also
             survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.execution.physics_planner`).
         contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
+        heights: how low an item comes: ``map``: as the conservative heightmaps say (the paper); ``mesh``: until the
+            surfaces touch, so nesting items nest; not with clearance.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         search: ``3d`` with the fallback, or ``5d`` at once.
@@ -158,6 +161,12 @@ class PlanOptions:
         "surface",
         "contacts are where surfaces are at most 1.5 mm apart, or, as in the paper, where items scaled by 1.03 "
         "overlap",
+    )
+    heights: HeightRule = _words(
+        HeightRule,
+        "mesh",
+        "an item comes down as far as the conservative heightmaps say, or until the surfaces touch, so that nesting "
+        "items nest",
     )
     grasp: GraspRule = _words(
         GraspRule,
@@ -322,6 +331,7 @@ PAPER: Mapping[str, Any] = {
     "constraints": "robot",
     "stability": "paper",
     "contacts": "paper",
+    "heights": "map",
     "grasp": "paper",
     "search": "3d",
     "sequence": "volume",

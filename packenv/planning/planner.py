@@ -18,13 +18,14 @@ from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
-from packenv.types import Container, FloatArray, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
@@ -50,6 +51,8 @@ class Planner:
         give_up: return an empty packing as soon as an item finds no place even in the fallback (Alg. 4).
         seed: for heuristics that draw.
         release: how far above its place an item is let go, m.
+        shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
+            where the heightmaps say, as the paper does.
     """
 
     heuristic: Heuristic
@@ -62,6 +65,7 @@ class Planner:
     give_up: bool = False
     seed: int = 0
     release: float = RELEASE_HEIGHT
+    shapes: Mapping[str, Item] | None = None
 
     def __post_init__(self) -> None:
         """Check.
@@ -170,7 +174,9 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
-        self.empty = ContainerMap.empty(self.container, self.planner.grid.cell_size)
+        shapes = self.planner.shapes
+        exact = None if shapes is None else ExactPile(shapes)
+        self.empty = ContainerMap.empty(self.container, self.planner.grid.cell_size, exact)
         self.pile = self.start or self.planner.pile(self.empty, ())
 
     def pack(self, sequence: Sequence[str]) -> Packing:

@@ -18,6 +18,7 @@ from packenv.planning.assembly import margin_rule
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.grasps import generate_grasps
 from packenv.planning.options import GraspRule, PlanOptions
+from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.stability.checker import StabilityChecker
@@ -71,7 +72,7 @@ def recheck(
     unstable = _unstable(plan, items, fields, StabilityChecker(options.setup.friction), rule, find)
     if options.constraints == "stability":
         return Recheck(unstable)
-    surfaces = _surfaces_before(plan, items, options.grid.cell_size)
+    surfaces = _surfaces_before(plan, items, options)
     checker = ManipulationChecker(options.setup.with_container(plan.container))
     unreachable = tuple(
         step
@@ -82,16 +83,18 @@ def recheck(
     return Recheck(unstable, unreachable)
 
 
-def _surfaces_before(plan: Plan, items: Mapping[str, Item], cell_size: float) -> list[ContainerMap]:
+def _surfaces_before(plan: Plan, items: Mapping[str, Item], options: PlanOptions) -> list[ContainerMap]:
     """The heightmap before each step, up to the first item that is not over the container."""
+    cell_size, exact = options.grid.cell_size, options.heights == "mesh"
     surfaces: tuple[ContainerMap, ...] = ()
     for count in range(len(plan.placements), plan.lying, -1):
         try:
-            surfaces = replay_plan(replace(plan, placements=plan.placements[:count]), items, cell_size)
+            part = replace(plan, placements=plan.placements[:count])
+            surfaces = replay_plan(part, items, cell_size, exact=exact)
             break
         except ValueError:
             continue
-    empty = ContainerMap.empty(plan.container, cell_size)
+    empty = ContainerMap.empty(plan.container, cell_size, ExactPile(items) if exact else None)
     known = [empty, *surfaces]
     # Where the replay ended early, its next item is outside: there is no way down to it.
     return known[:-1] if len(surfaces) == len(plan.placements) else known[: len(surfaces)]

@@ -107,6 +107,7 @@ def compare(
         max_checked=checked,
         restarts=0,
         stability="paper",
+        heights="map",  # the environment's default
         grid=GRID,
     )
     env = make_env(box, mask=MASKS[level], max_checked=checked, own_constraints=own)

@@ -15,7 +15,7 @@ from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint
-from packenv.planning.options import Constraints, PlanOptions
+from packenv.planning.options import Constraints, HeightRule, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import by_box_volume
 from packenv.types import Container, Placement
@@ -28,7 +28,13 @@ MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duc
 
 
 def planned(
-    order: list[str], heuristic: str, mask: str, size: Any, most: int, own: Sequence[str | Constraint] = ()
+    order: list[str],
+    heuristic: str,
+    mask: str,
+    size: Any,
+    most: int,
+    own: Sequence[str | Constraint] = (),
+    heights: HeightRule = "map",
 ) -> Packing:
     shelf = ItemShelf(open_catalogue("builtin"), GRID)
     box = Container(*size)
@@ -39,6 +45,7 @@ def planned(
         restarts=0,
         stability="paper",
         max_checked=most,
+        heights=heights,
         grid=GRID,
     )
     return assemble(options, shelf, box).pack(by_box_volume(order, shelf.prepared), shelf.prepared, box)
@@ -62,6 +69,7 @@ def compare(
     most: int = 12,
     heuristics: Sequence[str] = HEURISTIC_COLUMNS,
     own: Sequence[str | Constraint] = (),
+    heights: HeightRule = "map",
 ) -> set[str]:
     """Place orders by either; returns the routes that were used.
 
@@ -73,6 +81,7 @@ def compare(
         most: N.
         heuristics: that take turns; what is no column is given to the environment.
         own: constraints of the user's own.
+        heights: how low items come.
     """
     settings = {
         "mask": mask,
@@ -82,6 +91,7 @@ def compare(
         "candidates": 16,
         "heuristics": [name for name in heuristics if name not in HEURISTIC_COLUMNS],
         "own_constraints": list(own),
+        "heights": heights,
     }
     env = PackEnv(settings)
     rng = np.random.default_rng(seed)
@@ -95,7 +105,7 @@ def compare(
             obs, _, ended, _, _ = env.step(
                 best_action(obs, heuristic, most, env.unwrapped._observer.features)
             )
-        packing = planned(order, heuristic, mask, size, most, own)
+        packing = planned(order, heuristic, mask, size, most, own, heights)
         ours = env.plan()
         assert [told(p) for p in ours.placements] == [told(p) for p in packing.placements], (k, heuristic)
         assert [(x.item, x.instance) for x in ours.leftovers] == [
@@ -119,6 +129,11 @@ def compare(
 )
 def test_the_environment_holds_the_planner(mask: str, size: tuple[float, float, float], orders: int) -> None:
     compare(mask, size, orders, seed=0)
+
+
+@pytest.mark.parametrize("mask", ["legal", "stable", "robot"])
+def test_items_come_as_low_as_in_the_planner(mask: str) -> None:
+    compare(mask, (0.18, 0.18, 0.12), 4, seed=0, heights="mesh")
 
 
 def test_perturbed_orientations_come_as_in_the_planner() -> None:

@@ -176,7 +176,10 @@ class ManipulationChecker:
             return True
         if z + float(oriented.extents[2]) > surface.container.height + TOLERANCE:
             return True
-        return bool(z < cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy) - TOLERANCE)
+        lowest = float(cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy))
+        if z < lowest - TOLERANCE:
+            lowest = surface.lowest(oriented, ix, iy, lowest)
+        return z < lowest - TOLERANCE
 
     def _gripper_blocked(self, point: FloatArray, surface: ContainerMap) -> Reason | None:
         """What the tube meets between the release and the top; ``point`` is the lip's at the placement."""

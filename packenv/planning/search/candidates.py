@@ -90,8 +90,9 @@ class Candidates:
         grid_index: (n,) index into ``grids``.
         ix: (n,) cell of the smallest x.
         iy: (n,) cell of the smallest y.
-        z: (n,) float32 height of the lowest point, m.
+        z: (n,) float32 height of the lowest point by the heightmaps, m.
         cell_size: m.
+        lowered: whether :meth:`trial` lowers a candidate to where the meshes meet, where these are known.
     """
 
     item: str
@@ -101,6 +102,7 @@ class Candidates:
     iy: IntArray
     z: Float32Array
     cell_size: float
+    lowered: bool = True
 
     def __len__(self) -> int:
         """Number of candidates."""
@@ -108,8 +110,11 @@ class Candidates:
 
     def trial(self, index: int) -> Trial:
         """A candidate as the constraints want it."""
-        oriented = self.grids[self.grid_index[index]].oriented
-        return Trial(oriented, int(self.ix[index]), int(self.iy[index]), float(self.z[index]))
+        grid = self.grids[self.grid_index[index]]
+        ix, iy, z = int(self.ix[index]), int(self.iy[index]), float(self.z[index])
+        if self.lowered:
+            z = grid.surface.source.lowest(grid.oriented, ix, iy, z)
+        return Trial(grid.oriented, ix, iy, z)
 
     @property
     def xy_sum(self) -> FloatArray:
@@ -167,4 +172,5 @@ def grid_search(
         iy=along * step,
         z=z,
         cell_size=surface.cell_size,
+        lowered=not clearance,  # an item that may be off sideways must not be in another one
     )

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from packenv.planning.search import kernels
+from packenv.planning.search.contact_height import ExactPile
 from packenv.types import Container, Float32Array, FloatArray, OrientedItem
 
 _NOISE = 1e-9
@@ -28,17 +29,32 @@ class ContainerMap:
         container: the box.
         cell_size: m.
         heights: (nx, ny) float32, m; only whole cells of the floor count.
+        exact: the meshes that it bounds; None where they are not known or not asked.
     """
 
     container: Container
     cell_size: float
     heights: Float32Array
+    exact: ExactPile | None = None
 
     @classmethod
-    def empty(cls, container: Container, cell_size: float) -> ContainerMap:
-        """The map of an empty container."""
+    def empty(cls, container: Container, cell_size: float, exact: ExactPile | None = None) -> ContainerMap:
+        """The map of an empty container; with ``exact`` it keeps the meshes of what comes in."""
         shape = tuple(math.floor(s / cell_size + _NOISE) for s in container.size[:2])
-        return cls(container, cell_size, np.zeros(shape, dtype=np.float32))
+        return cls(container, cell_size, np.zeros(shape, dtype=np.float32), exact)
+
+    def lowest(self, oriented: OrientedItem, ix: int, iy: int, bound: float) -> float:
+        """Height to which an item comes down at whole cells: by the meshes where they are known.
+
+        Args:
+            oriented: the item at its orientation.
+            ix: cell of its smallest x.
+            iy: cell of its smallest y.
+            bound: what the heightmaps say, m.
+        """
+        if self.exact is None or bound == 0.0:
+            return bound
+        return min(bound, self.exact.lowest(self.heights, oriented, ix, iy))
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
         """The map after an item is placed (paper Sec. IV-B, update rule, whose y + i is y + j).
@@ -53,7 +69,8 @@ class ContainerMap:
         w, h = oriented.top.shape
         window = heights[ix : ix + w, iy : iy + h]
         np.maximum(window, oriented.top + np.float32(z), out=window, where=oriented.footprint)
-        return ContainerMap(self.container, self.cell_size, heights)
+        exact = None if self.exact is None else self.exact.with_item(oriented, ix, iy, z)
+        return ContainerMap(self.container, self.cell_size, heights, exact)
 
     def spread(self, cells: int) -> ContainerMap:
         """The map with every height spread over the square of ``cells`` cells around it, walls included.

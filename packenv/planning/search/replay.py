@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from packenv.geometry.heightmaps import orient_item
+from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Item, Placement, Plan
@@ -16,6 +17,8 @@ def replay(
     container: Container,
     cell_size: float,
     before: ContainerMap | None = None,
+    *,
+    exact: bool = False,
 ) -> tuple[ContainerMap, ...]:
     """Rebuild the heightmap after each placement, from the poses alone.
 
@@ -25,11 +28,12 @@ def replay(
         container: the box.
         cell_size: m.
         before: what the container holds already; empty where None.
+        exact: let the maps of an empty container keep the meshes, too.
 
     Raises:
         ValueError: an item is not over the container's floor, or below it.
     """
-    surface = before or ContainerMap.empty(container, cell_size)
+    surface = before or ContainerMap.empty(container, cell_size, ExactPile(items) if exact else None)
     surfaces = []
     for step, placement in enumerate(placements, start=1):
         oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)
@@ -45,13 +49,16 @@ def replay(
     return tuple(surfaces)
 
 
-def replay_plan(plan: Plan, items: Mapping[str, Item], cell_size: float) -> tuple[ContainerMap, ...]:
+def replay_plan(
+    plan: Plan, items: Mapping[str, Item], cell_size: float, *, exact: bool = False
+) -> tuple[ContainerMap, ...]:
     """The heightmap after each step of a plan, of what lay there already by its measured pose.
 
     Args:
         plan: the plan.
         items: its placed items by name.
         cell_size: m.
+        exact: as for :func:`replay`.
 
     Raises:
         ValueError: an item is not over the container's floor, or below it.
@@ -59,4 +66,5 @@ def replay_plan(plan: Plan, items: Mapping[str, Item], cell_size: float) -> tupl
     done, planned = plan.placements[: plan.lying], plan.placements[plan.lying :]
     lying = [Resting(items[p.item], *p.pose) for p in done]
     maps = [measured_map(plan.container, cell_size, lying[: k + 1]) for k in range(len(lying))]
-    return (*maps, *replay(planned, items, plan.container, cell_size, maps[-1] if maps else None))
+    before = maps[-1] if maps else None
+    return (*maps, *replay(planned, items, plan.container, cell_size, before, exact=exact))

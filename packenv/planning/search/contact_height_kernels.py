@@ -1,0 +1,254 @@
+"""Compiled loops that find how low an item comes, straight down, before its surface meets that of a pile.
+
+Seen from above, a lower face of the item and an upper face of the pile share a convex polygon, and the height of
+one over the other is linear on it: it is largest at a corner of the polygon. Those corners are the vertices of one
+face over the other and the crossings of their edges, so all kinds of contact are met. Faces are kept by the cells
+that they touch, and a cell whose heightmaps say that nothing in it can be higher than what was found is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import floor
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+compiled: Callable[[Callable[..., Any]], Any] = njit(cache=True, nogil=True)
+"""The decorator of every kernel here."""
+
+THINNEST = 1e-9
+"""A face that is thinner than this seen from above, m, stands upright; its edges belong to its neighbours, too."""
+
+
+@compiled
+def _touches(corners, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]
+    """Whether a triangle, seen from above, reaches into a rectangle."""
+    for k in range(3):
+        ax, ay = corners[k, 0], corners[k, 1]
+        m = (k + 1) % 3
+        nx, ny = corners[m, 1] - ay, ax - corners[m, 0]
+        opposite = nx * (corners[(k + 2) % 3, 0] - ax) + ny * (corners[(k + 2) % 3, 1] - ay)
+        if opposite < 0.0:
+            nx, ny = -nx, -ny
+        # The rectangle's corner that is farthest along the inward normal.
+        far_x = high_x if nx > 0.0 else low_x
+        far_y = high_y if ny > 0.0 else low_y
+        if nx * (far_x - ax) + ny * (far_y - ay) < 0.0:
+            return False
+    return True
+
+
+@compiled
+def cells_of_faces(faces, cell, shape_x, shape_y, starts, entries):  # type: ignore[no-untyped-def]
+    """Which faces touch which cell; called once with an empty ``entries`` to count, and once to fill.
+
+    Args:
+        faces: (m, 3, 3) corners, m.
+        cell: cell size, m.
+        shape_x: number of cells along x.
+        shape_y: likewise along y.
+        starts: (cells + 1,) int64: where each cell's faces begin; filled by the first call.
+        entries: (n,) int32, filled by the second call.
+
+    Returns:
+        The number of entries.
+    """
+    filling = entries.size > 0
+    at = starts[:-1].copy() if filling else np.zeros(shape_x * shape_y, dtype=np.int64)
+    for f in range(faces.shape[0]):
+        t = faces[f]
+        low_x, high_x = min(t[0, 0], t[1, 0], t[2, 0]), max(t[0, 0], t[1, 0], t[2, 0])
+        low_y, high_y = min(t[0, 1], t[1, 1], t[2, 1]), max(t[0, 1], t[1, 1], t[2, 1])
+        i0, i1 = max(0, floor(low_x / cell)), min(shape_x - 1, floor(high_x / cell))
+        j0, j1 = max(0, floor(low_y / cell)), min(shape_y - 1, floor(high_y / cell))
+        small = i0 == i1 or j0 == j1
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                if small or _touches(t, i * cell, j * cell, (i + 1) * cell, (j + 1) * cell):
+                    k = i * shape_y + j
+                    if filling:
+                        entries[at[k]] = f
+                    at[k] += 1
+    if filling:
+        return entries.size
+    starts[0] = 0
+    for k in range(shape_x * shape_y):
+        starts[k + 1] = starts[k] + at[k]
+    return starts[-1]
+
+
+@compiled
+def _clip(polygon, count, ax, ay, nx, ny, out):  # type: ignore[no-untyped-def]
+    """The part of a polygon with n · (p - a) ≥ 0; (count, 3) points carry their height along."""
+    made = 0
+    for k in range(count):
+        m = k + 1 if k + 1 < count else 0
+        here = nx * (polygon[k, 0] - ax) + ny * (polygon[k, 1] - ay)
+        there = nx * (polygon[m, 0] - ax) + ny * (polygon[m, 1] - ay)
+        if here >= 0.0:
+            out[made, 0], out[made, 1], out[made, 2] = polygon[k, 0], polygon[k, 1], polygon[k, 2]
+            made += 1
+        if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
+            share = here / (here - there)
+            for axis in range(3):
+                out[made, axis] = polygon[k, axis] + share * (polygon[m, axis] - polygon[k, axis])
+            made += 1
+    return made
+
+
+@compiled
+def face_over_face(lower, x, y, upper, window, best, one, two):  # type: ignore[no-untyped-def]
+    """Largest height of ``upper`` over ``lower`` within a window, where it is above ``best``.
+
+    Args:
+        lower: (3, 3) corners of the item's face in its own frame, m.
+        x: of that frame's origin in the container frame, m.
+        y: likewise.
+        upper: (3, 3) corners of the pile's face, container frame, m.
+        window: (4,) smallest x, y and largest x, y that count, m.
+        best: what is known already, m.
+        one: (12, 3) work space.
+        two: likewise.
+
+    Returns:
+        The larger of ``best`` and the height.
+    """
+    ax, ay = upper[0, 0], upper[0, 1]
+    bx, by = upper[1, 0] - ax, upper[1, 1] - ay
+    cx, cy = upper[2, 0] - ax, upper[2, 1] - ay
+    area = bx * cy - by * cx
+    for k in range(3):
+        one[k, 0], one[k, 1], one[k, 2] = lower[k, 0] + x, lower[k, 1] + y, lower[k, 2]
+    count = 3
+    for k in range(3):
+        m = (k + 1) % 3
+        # Faces of the pile look up, so seen from above their corners go round to the left.
+        ex, ey = upper[m, 0] - upper[k, 0], upper[m, 1] - upper[k, 1]
+        count = _clip(one, count, upper[k, 0], upper[k, 1], -ey, ex, two)
+        if count < 3:
+            return best
+        one, two = two, one
+    for side in range(4):
+        sign = 1.0 if side < 2 else -1.0
+        nx, ny = (sign, 0.0) if side % 2 == 0 else (0.0, sign)
+        wx, wy = (window[0], window[1]) if side < 2 else (window[2], window[3])
+        outside = False
+        for k in range(count):
+            outside = outside or nx * (one[k, 0] - wx) + ny * (one[k, 1] - wy) < 0.0
+        if outside:
+            count = _clip(one, count, wx, wy, nx, ny, two)
+            if count < 3:
+                return best
+            one, two = two, one
+    for k in range(count):
+        px, py = one[k, 0] - ax, one[k, 1] - ay
+        u = (px * cy - py * cx) / area
+        v = (bx * py - by * px) / area
+        z = upper[0, 2] + u * (upper[1, 2] - upper[0, 2]) + v * (upper[2, 2] - upper[0, 2])
+        best = max(best, z - one[k, 2])
+    return best
+
+
+@compiled
+def planes_and_boxes(corners, planes, boxes):  # type: ignore[no-untyped-def]
+    """What bounds a face without looking at its corners.
+
+    Args:
+        corners: (m, 3, 3) of faces, none upright, m.
+        planes: (m, 3), filled: z = p0 + p1 x + p2 y on the face.
+        boxes: (m, 6), filled: smallest x, y, z and largest x, y, z, m.
+    """
+    for f in range(corners.shape[0]):
+        t = corners[f]
+        bx, by, bz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
+        cx, cy, cz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
+        area = bx * cy - by * cx
+        planes[f, 1] = (bz * cy - cz * by) / area
+        planes[f, 2] = (cz * bx - bz * cx) / area
+        planes[f, 0] = t[0, 2] - planes[f, 1] * t[0, 0] - planes[f, 2] * t[0, 1]
+        for axis in range(3):
+            boxes[f, axis] = min(t[0, axis], t[1, axis], t[2, axis])
+            boxes[f, 3 + axis] = max(t[0, axis], t[1, axis], t[2, axis])
+
+
+@compiled
+def contact_height(  # type: ignore[no-untyped-def]
+    heights, bottom, ix, iy, cell, window,
+    lower, lower_planes, lower_boxes, lower_starts, lower_entries,
+    upper, upper_planes, upper_boxes, upper_starts, upper_entries, ux, uy, uw, uh, best,
+):  # fmt: skip
+    """Lowest z at which an item meets one item of the pile, where it is above ``best``.
+
+    Args:
+        heights: (nx, ny) container heightmap, m.
+        bottom: (w, h) bottom heightmap of the item, m; infinite outside the footprint.
+        ix: cell of the item's smallest x.
+        iy: cell of its smallest y.
+        cell: cell size, m.
+        window: (4,) smallest x, y and largest x, y that count, m.
+        lower: (m, 3, 3) lower faces of the item in its own frame, m.
+        lower_planes: (m, 3) of these, see :func:`planes_and_boxes`.
+        lower_boxes: (m, 6) likewise.
+        lower_starts: (w · h + 1,) where the faces of each of its cells begin.
+        lower_entries: indices of faces.
+        upper: (n, 3, 3) upper faces of the placed item in the container frame, m.
+        upper_planes: (n, 3) of these.
+        upper_boxes: (n, 6) likewise.
+        upper_starts: (uw · uh + 1,) where the faces of each of these cells of the container begin.
+        upper_entries: indices of faces.
+        ux: first cell of the container that has a list.
+        uy: likewise.
+        uw: number of cells along x that have a list.
+        uh: likewise along y.
+        best: what is known already, m.
+
+    Returns:
+        The larger of ``best`` and the height.
+    """
+    w, h = bottom.shape
+    i0, i1 = max(0, ux - ix), min(w, ux + uw - ix)
+    j0, j1 = max(0, uy - iy), min(h, uy + uh - iy)
+    if i0 >= i1 or j0 >= j1:
+        return best
+    bounds = np.empty((i1 - i0) * (j1 - j0), dtype=np.float32)
+    places = np.empty((i1 - i0) * (j1 - j0), dtype=np.int64)
+    count = 0
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            # Whole cells bound what lies in them, so most are out before a face is looked at.
+            bound = heights[ix + i, iy + j] - bottom[i, j]
+            k = (ix + i - ux) * uh + iy + j - uy
+            if bound > best and upper_starts[k + 1] > upper_starts[k]:
+                bounds[count] = -bound
+                places[count] = i * h + j
+                count += 1
+    one, two = np.empty((12, 3)), np.empty((12, 3))
+    x, y = ix * cell, iy * cell
+    for at in np.argsort(bounds[:count]):
+        if -bounds[at] <= best:
+            break
+        i, j = places[at] // h, places[at] % h
+        k = (ix + i - ux) * uh + iy + j - uy
+        for a in range(lower_starts[i * h + j], lower_starts[i * h + j + 1]):
+            f = lower_entries[a]
+            low = lower_boxes[f]
+            for b in range(upper_starts[k], upper_starts[k + 1]):
+                g = upper_entries[b]
+                high = upper_boxes[g]
+                if high[5] - low[2] <= best:
+                    continue
+                x0, x1 = max(low[0] + x, high[0]), min(low[3] + x, high[3])
+                y0, y1 = max(low[1] + y, high[1]), min(low[4] + y, high[4])
+                if x0 > x1 or y0 > y1:
+                    continue
+                # The height over each other is linear where both are: its largest value over both boxes.
+                px, py = upper_planes[g, 1] - lower_planes[f, 1], upper_planes[g, 2] - lower_planes[f, 2]
+                bound = (
+                    upper_planes[g, 0] - lower_planes[f, 0] + lower_planes[f, 1] * x + lower_planes[f, 2] * y
+                )
+                bound += px * (x1 if px > 0.0 else x0) + py * (y1 if py > 0.0 else y0)
+                if bound > best:
+                    best = face_over_face(lower[f], x, y, upper[g], window, best, one, two)
+    return best
