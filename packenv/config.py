@@ -6,6 +6,12 @@ from dataclasses import dataclass
 
 from packenv.errors import InputError
 
+CLEARANCE = 2e-5
+"""How far surfaces, an item's and a wall's too, may be in each other and still count as touching, m.
+
+An item as large as the container fits, and so does a stack of exact layers, whose heights are rounded up.
+"""
+
 HEIGHT_QUANTUM = 2.0**-20
 """Heights in heightmaps are multiples of this many metres (0.95 µm), rounded outward.
 

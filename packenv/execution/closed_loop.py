@@ -147,7 +147,7 @@ def _still_good(
     It must lie as deep as planned, and nothing may have come nearer: at the release, and off by ``ASIDE``
     cells, it clears all that it was to clear.
     """
-    oriented = orient_item(mesh, placement.rotation, cell_size=measured.cell_size)
+    oriented = measured.cut(orient_item(mesh, placement.rotation, cell_size=measured.cell_size))
     x, y, z = (placement.position - oriented.offset).tolist()
     ix, iy = round(x / measured.cell_size), round(y / measured.cell_size)
     (w, h), (nx, ny) = oriented.bottom.shape, measured.heights.shape

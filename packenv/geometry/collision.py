@@ -33,9 +33,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from packenv.config import CLEARANCE
 from packenv.types import FloatArray, IntArray, Item, Pose
 
-DEFAULT_CLEARANCE = 2e-5
+DEFAULT_CLEARANCE = CLEARANCE
 """Depth up to which contact is touching, not overlap, m."""
 
 _BEYOND = 1.0 + 1e-6  # a move by exactly the clearance would leave boxes of that depth in exact contact

@@ -377,7 +377,8 @@ class _Run:
             detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
         else:
             tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
-            size = " x ".join(f"{e:.3f}" for e in tightest)
+            # To 10 µm, half of what is forgiven: no message says that 0.100 is larger than 0.1.
+            size = " x ".join(f"{e:.5f}".rstrip("0") for e in tightest)
             reason, rejections = "larger-than-container", {}
             detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
         return Leftover(item.name, piece.instance, reason, detail, dict(rejections))

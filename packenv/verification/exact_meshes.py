@@ -16,13 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from packenv.config import CLEARANCE
 from packenv.errors import InputError, PlanError
 from packenv.geometry.collision import DEFAULT_CLEARANCE, Posed, overlap_depth, solid_of
 from packenv.geometry.sweep import Insertion, Obstacle
 from packenv.types import Container, Item, Placement, Plan, Pose
 
-PROTRUSION_TOLERANCE = 1e-6
+PROTRUSION_TOLERANCE = CLEARANCE
 """How far a vertex may be outside the container before it counts, m."""
+
+_MISSTATED = 1e-6
+"""How far a stated box may be off, m."""
 
 _ROTATION_TOLERANCE = 1e-9
 _SIDES = (("x", "low"), ("y", "low"), ("z", "low"), ("x", "high"), ("y", "high"), ("z", "high"))
@@ -239,6 +243,6 @@ def misstated_boxes(plan: Plan, items: Mapping[str, Item]) -> tuple[int, ...]:
         placed = items[placement.item].vertices @ placement.rotation.T + placement.position
         low, high = placed.min(axis=0), placed.max(axis=0)
         error = np.abs(np.concatenate([placement.corner - low, placement.extents - (high - low)]))
-        if error.max() > PROTRUSION_TOLERANCE:
+        if error.max() > _MISSTATED:
             wrong.append(step)
     return tuple(wrong)

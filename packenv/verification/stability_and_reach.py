@@ -148,7 +148,7 @@ def _reachable(
     checker: ManipulationChecker,
     grasp: GraspRule,
 ) -> bool:
-    oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
+    oriented = surface.cut(orient_item(item, placement.rotation, cell_size=surface.cell_size))
     corner = placement.position - oriented.offset
     grasps = generate_grasps(oriented, rule=grasp, radius=checker.cell.robot.gripper.radius)
     try:

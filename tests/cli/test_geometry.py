@@ -247,7 +247,7 @@ def test_physics_takes_the_smallest_box_that_takes_all(
 ) -> None:
     boxes, order = tmp_path / "boxes.csv", tmp_path / "order.csv"
     boxes.write_text(
-        "box_id,length_m,width_m,height_m\nBIG,0.3,0.3,0.2\nTINY,0.1,0.1,0.1\nFAIR,0.2,0.2,0.1\n"
+        "box_id,length_m,width_m,height_m\nBIG,0.3,0.3,0.2\nTINY,0.09,0.09,0.09\nFAIR,0.2,0.2,0.1\n"
     )
     order.write_text("item,qty\nbrick,1\n")
     options = ["--boxes", boxes, "--stability", "physics", "--constraints", "stability", "--json"]

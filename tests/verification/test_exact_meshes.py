@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from packenv.config import CLEARANCE
 from packenv.errors import InputError, PlanError
 from packenv.types import Container, FloatArray, Item, Placement, Plan
 from packenv.verification.exact_meshes import AuditReport, audit_plan
@@ -163,7 +164,7 @@ def test_an_item_wholly_inside_another_is_found() -> None:
     assert not report.protrusions
 
 
-@pytest.mark.parametrize("depth", [0.5e-6, 2e-6, 0.03])
+@pytest.mark.parametrize("depth", [0.9 * CLEARANCE, 1.1 * CLEARANCE, 0.03])
 def test_protrusion_is_measured_on_each_side(depth: float) -> None:
     sides = {}
     for axis, size in enumerate(CONTAINER.size):
@@ -172,9 +173,9 @@ def test_protrusion_is_measured_on_each_side(depth: float) -> None:
             position[axis] = at
             report = audit(put("brick", position))
             sides["xyz"[axis], side] = [(f.axis, f.side, f.depth) for f in report.protrusions]
-            assert report.ok == (depth < 1e-6)
+            assert report.ok == (depth < CLEARANCE)
     for (axis, side), found in sides.items():
-        assert found == ([] if depth < 1e-6 else [(axis, side, pytest.approx(depth, rel=1e-6))])
+        assert found == ([] if depth < CLEARANCE else [(axis, side, pytest.approx(depth, rel=1e-6))])
 
 
 def test_a_turned_item_protrudes_by_its_corner() -> None:

@@ -32,6 +32,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from packenv.config import CLEARANCE
 from packenv.planning.manipulation import cup_kernels
 from packenv.planning.manipulation.grasps import Grasp
 from packenv.planning.search.container_map import ContainerMap
@@ -174,7 +175,7 @@ class ManipulationChecker:
         (w, h), (nx, ny) = oriented.bottom.shape, surface.heights.shape
         if ix < 0 or iy < 0 or ix + w > nx or iy + h > ny:
             return True
-        if z + float(oriented.extents[2]) > surface.container.height + TOLERANCE:
+        if z + float(oriented.extents[2]) > surface.container.height + CLEARANCE:
             return True
         lowest = float(cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy))
         if z < lowest - TOLERANCE:

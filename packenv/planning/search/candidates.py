@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from packenv.config import CLEARANCE
 from packenv.planning.constraints import Trial
 from packenv.planning.search import kernels
 from packenv.planning.search.container_map import ContainerMap, PolyphaseMap
 from packenv.types import Float32Array, FloatArray, IntArray, OrientedItem
-
-_FIT_TOLERANCE = 1e-9
-"""An item as tall as the container fits: this much (m) is rounding, not protrusion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +54,15 @@ class TranslationGrid:
                 then legal only where the item clears this one too when it is lifted by ``lift``.
             lift: m.
         """
-        w, h = oriented.top.shape
         nx, ny = surface.source.heights.shape
+        slack = np.add(surface.source.container.size, CLEARANCE) - oriented.extents
+        if slack.min() < 0:
+            return None
+        oriented = surface.source.cut(oriented)
+        w, h = oriented.top.shape
         step, rows, stride = surface.step, surface.rows, surface.stride
         across, along = (nx - w) // step + 1, (ny - h) // step + 1
         if across < 1 or along < 1:
-            return None
-        slack = np.add(surface.source.container.size, _FIT_TOLERANCE) - oriented.extents
-        if slack.min() < 0:
             return None
         offsets = np.empty(w * h, dtype=np.int64)
         bottoms = np.empty(w * h, dtype=np.float32)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from packenv.config import CLEARANCE, HEIGHT_QUANTUM
 from packenv.planning.search import kernels
 from packenv.planning.search.contact_height import ExactPile
 from packenv.types import Container, Float32Array, FloatArray, OrientedItem
@@ -55,6 +56,20 @@ class ContainerMap:
         if self.exact is None or bound == 0.0:
             return bound
         return min(bound, self.exact.lowest(self.heights, oriented, ix, iy))
+
+    def cut(self, oriented: OrientedItem) -> OrientedItem:
+        """An item as large as the container, without the cells beyond a wall that it reaches into by a hair.
+
+        Any other item as it is.
+        """
+        shape = np.array(oriented.top.shape)
+        cells = np.minimum(shape, self.heights.shape)
+        # On a floor that is no whole number of cells, the cell beyond is part of the floor.
+        beyond = oriented.extents[:2] - cells * oriented.cell_size
+        if (cells == shape).all() or (beyond[cells < shape] > CLEARANCE + HEIGHT_QUANTUM).any():
+            return oriented
+        kept = tuple(slice(n) for n in cells)
+        return replace(oriented, top=oriented.top[kept].copy(), bottom=oriented.bottom[kept].copy())
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
         """The map after an item is placed (paper Sec. IV-B, update rule, whose y + i is y + j).

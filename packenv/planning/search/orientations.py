@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from packenv.config import GridConfig
+from packenv.config import CLEARANCE, GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.transforms import axis_rotation, yaw_rotation
 from packenv.types import FloatArray, Item, OrientedItem, StablePose
@@ -63,7 +63,7 @@ def perturbations(
     groups = kept.rotations.get(recipe)
     if groups is None:
         groups = kept.rotations[recipe] = _rotations(item, poses, grid.n_yaws)
-    largest = np.add(size, 1e-9)
+    largest = np.add(size, CLEARANCE)
     for group in groups:
         fitting = [rotated for rotated in group if not np.any(rotated.extents > largest)]
         yield tuple(memory.orient(item, rotated, grid.cell_size) for rotated in fitting)

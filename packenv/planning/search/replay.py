@@ -36,7 +36,7 @@ def replay(
     surface = before or ContainerMap.empty(container, cell_size, ExactPile(items) if exact else None)
     surfaces = []
     for step, placement in enumerate(placements, start=1):
-        oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)
+        oriented = surface.cut(orient_item(items[placement.item], placement.rotation, cell_size=cell_size))
         x, y, z = (placement.position - oriented.offset).tolist()
         rooms = [n - m for n, m in zip(surface.heights.shape, oriented.top.shape, strict=True)]
         cells = [c / cell_size for c in (x, y)]
