@@ -12,7 +12,7 @@ from packenv.execution.planning_job import require_engine
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
-from packenv.planning.options import PRESETS, PlanOptions, heuristic_label
+from packenv.planning.options import PRESETS, PlanOptions, grid_rules, heuristic_label
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 
@@ -56,7 +56,9 @@ def options_from(arguments: argparse.Namespace) -> PlanOptions:
     given = {name: None if value == "none" else value for name, value in given.items()}
     if "own_constraints" in given:
         given["own_constraints"] = tuple(given["own_constraints"])
-    return PRESETS[arguments.preset](**given)
+    cells = {name: getattr(arguments, name, None) for name in grid_rules()}
+    given_cells = {name: value for name, value in cells.items() if value is not None}
+    return PRESETS[arguments.preset](**given).changed(given_cells)
 
 
 def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn
 
-from packenv.planning.options import PRESETS, PlanOptions, rules
+from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
 from packenv.robot.timing import MotionLimits
 from packenv.version import __version__
 
@@ -120,6 +120,16 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
     )
 
 
+def grid_options(parser: argparse.ArgumentParser) -> None:
+    """Add a flag for every setting of the grid; what is not given is None."""
+    preset = PlanOptions().grid
+    for name, rule in grid_rules().items():
+        flag = f"--{name.removeprefix('n_').replace('_', '-')}"
+        text = f"{rule.meaning} (default: {getattr(preset, name)})"
+        kind, metavar = (_count, "N") if rule.whole else (float, "METRES")
+        parser.add_argument(flag, dest=name, type=kind, metavar=metavar, help=text)
+
+
 def own_constraint_option(parser: argparse.ArgumentParser) -> None:
     """Add the flag for constraints of the user's own."""
     parser.add_argument(
@@ -163,6 +173,7 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
         "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
     )
     planning_options(pack)
+    grid_options(pack)
     pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")
     pack.add_argument(
         "--html", type=Path, metavar="PAGE", help="write a page to look at the plan in a browser"

@@ -352,6 +352,11 @@ def rules() -> dict[str, Rule]:
     return {f.name: f.metadata["rule"] for f in fields(PlanOptions) if "rule" in f.metadata}
 
 
+def grid_rules() -> dict[str, Rule]:
+    """What each setting of the grid may be."""
+    return dict(_GRID)
+
+
 def option_names() -> tuple[str, ...]:
     """Names of all options as a plan file has them."""
     return (*(f.name for f in fields(PlanOptions) if f.name != "grid"), *_GRID)

@@ -441,3 +441,17 @@ def test_a_full_disk_is_one_line(order: Path, shelf: Path) -> None:
         )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_the_grid_can_be_chosen(
+    order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "plan.json"
+    flags = ["--cell-size", "0.004", "--grid-step", "0.008", "--poses", "2", "--yaws", "3"]
+    assert _pack(order, shelf, *flags, "--out", plan) in (0, 1)
+    settings = json.loads(plan.read_text())["settings"]
+    chosen = {name: settings[name] for name in ("cell_size", "grid_step", "n_poses", "n_yaws")}
+    assert chosen == {"cell_size": 0.004, "grid_step": 0.008, "n_poses": 2, "n_yaws": 3}
+    capsys.readouterr()
+    assert _pack(order, shelf, "--grid-step", "0.003") == 2
+    assert "a multiple of cell_size" in capsys.readouterr().err
