@@ -96,6 +96,12 @@ def test_a_cell_that_cannot_serve_is_an_answer(order: Path, capsys: pytest.Captu
     code, plan = pack(order, "--cell", far)
     assert code == 1
     left = json.loads(plan.read_text())["leftovers"]
+    assert [row["reason"] for row in left] == ["unreachable-container"] * 2
+    assert "3 m away" in left[0]["detail"]
+    # Its edge is within reach, so every place is asked for.
+    far.write_text(json.dumps({"robot": "tx90", "container": {"position_m": [0.897, -0.1, 0.0]}}))
+    assert pack(order, "--cell", far)[0] == 1
+    left = json.loads(plan.read_text())["leftovers"]
     assert [row["rejections"]["unreachable"] > 0 for row in left] == [True, True]
 
 

@@ -127,6 +127,14 @@ class Constraint(ABC):
         """Why no candidate at this orientation can ever pass, as a word for programs; None where one may."""
         return None
 
+    def barrier(self, tallest: float) -> str | None:
+        """Why nothing at all can be placed in the empty container, as a sentence; None where something may.
+
+        Args:
+            tallest: no item of the order is taller, however it is turned, m.
+        """
+        return None
+
     @abstractmethod
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Answer for a candidate on the pile that ``surface`` and ``state`` describe.

@@ -184,6 +184,9 @@ class _Run:
         pieces = pieces_of(sequence)
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
+        if self.start is None and (why := self.barrier(sequence)) is not None:
+            lost = tuple(Leftover(p.item, p.instance, "unreachable-container", why) for p in pieces)
+            return Packing(self.container, (), lost, (), 0.0)
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
@@ -216,6 +219,15 @@ class _Run:
             tuple(self.makeshift),
             self.risk,
         )
+
+    def barrier(self, sequence: Sequence[str]) -> str | None:
+        """Why a constraint lets nothing into the empty container."""
+        # A box's diagonal is as tall as anything in it can be.
+        sizes = [np.linalg.norm(self.items[name].orientations[0].extents) for name in dict.fromkeys(sequence)]
+        found = (
+            constraint.barrier(float(max(sizes, default=0.0))) for constraint in self.planner.constraints
+        )
+        return next((why for why in found if why is not None), None)
 
     def given_up(self, pieces: Sequence[Piece], why: str) -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""

@@ -214,6 +214,29 @@ class Cell:
         points[:, 2] += np.linspace(lift, 0.0, waypoints)
         return self.robot.gripper.tool_to_flange(top_down(points))
 
+    def barrier(self, tallest: float) -> str | None:
+        """Why the robot can bring nothing into the empty container; None where it may.
+
+        Args:
+            tallest: no item is taller, however it is turned, m.
+        """
+        box, robot = self.container, self.robot
+        x, y, _ = self.to_container(np.zeros(3)).tolist()
+        away = hypot(max(-x, 0.0, x - box.length), max(-y, 0.0, y - box.width))
+        if self.rim > robot.highest_rim:
+            return (
+                f"the rim of {box.label} is {self.rim:.3g} m above the base of {robot.name}, whose links are never all "
+                f"higher than {robot.highest_rim:.3g} m"
+            )
+        if tallest + robot.gripper.length < box.height:
+            return (
+                f"{box.label} is {box.height:.3g} m deep, and the gripper of {robot.gripper.length:.3g} m with the "
+                f"tallest item, at most {tallest:.3g} m, does not reach from its floor to its rim"
+            )
+        if away > robot.reach:
+            return f"{box.label} is {away:.3g} m away from {robot.name}, which reaches {robot.reach:.3g} m"
+        return None
+
     def arm_clear(self, q: FloatArray) -> BoolArray:
         """Whether the arm keeps above the rim and off itself along each of some paths.
 

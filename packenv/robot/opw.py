@@ -8,6 +8,7 @@ stands straight up, its frames parallel to the base's. Joint i of the arm itself
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from math import atan2, hypot
 from typing import Any
 
@@ -19,6 +20,9 @@ from packenv.robot.protocol import MAX_STEP, Branches, PathBranches, Robot
 from packenv.robot.shapes import LinkShapes, Primitive
 from packenv.robot.urdf import urdf_text
 from packenv.types import FloatArray
+
+_BETWEEN = 2e-3
+"""No link is longer than to be so much higher between two steps of 0.1° from the nearest, m."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +178,25 @@ class OpwArm(Robot):
         return PathBranches(
             self._own(q[good]), tuple(int(s) for s in good), int(np.count_nonzero(state == 2))
         )
+
+    @cached_property
+    def highest_rim(self) -> float:
+        """As of link 2 alone, turned through all angles in steps of 0.2°; links 3 to 6 can only be lower."""
+        angles = np.linspace(-np.pi, np.pi, 1801)
+        lowest = np.full(angles.shape, np.inf)
+        for part in (p for p in self.primitives if p.link == 2):
+            ends = np.array([part.start, part.end])
+            heights = np.outer(np.cos(angles), ends[:, 2]) - np.outer(np.sin(angles), ends[:, 0])
+            length = float(np.linalg.norm(ends[1] - ends[0]))
+            level = np.sqrt(np.maximum(0.0, 1.0 - ((heights[:, 1] - heights[:, 0]) / length) ** 2))
+            lowest = np.minimum(lowest, heights.min(axis=1) - part.radius * (1.0 if part.capsule else level))
+        return self.lengths.c1 + float(lowest.max()) + _BETWEEN
+
+    @property
+    def reach(self) -> float:
+        """Of the arm stretched out level."""
+        a = self.lengths
+        return hypot(a.a1 + a.c2 + hypot(a.a2, a.c3), a.b)
 
     def urdf(self) -> str:
         """As :meth:`packenv.robot.protocol.Robot.urdf`."""

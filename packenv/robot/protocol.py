@@ -139,6 +139,16 @@ class Robot(Protocol):
     def with_gripper(self, gripper: Gripper) -> Robot:
         """The same arm with another gripper."""
 
+    @property
+    def highest_rim(self) -> float:
+        """No posture has links 2 to 6 above this height, base frame, m; infinite where that is not known."""
+        return float("inf")
+
+    @property
+    def reach(self) -> float:
+        """The flange's axis never is farther from joint 1's while it points down, m; infinite where not known."""
+        return float("inf")
+
     def forward(self, q: FloatArray) -> FloatArray:
         """Pose of the flange: (..., 6) rad to (..., 4, 4) in the base frame."""
         return np.ascontiguousarray(self.link_frames(q)[..., 6, :, :])

@@ -1,15 +1,18 @@
 """The layout, the gripper and the reachability map."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from packenv.io.containers import read_boxes
-from packenv.robot.cell import Cell
+from packenv.robot.cell import Cell, CellSetup, Place
 from packenv.robot.files import default_cell
 from packenv.robot.gripper import top_down
+from packenv.robot.protocol import Robot
 from packenv.robot.reachability import corner_distances, reach_map, share
 from packenv.types import Container
-from tests.robot.sampling import TX90, random_joints
+from tests.robot.sampling import ROBOTS, TX90, random_joints
 
 PAPER = Container(0.32, 0.32, 0.30)
 
@@ -122,3 +125,29 @@ def test_the_container_stands_in_front_of_the_robot():
     cell = default_cell().with_container(PAPER)
     assert cell.position == (0.30, -0.16, 0.0)
     assert cell.rim == 0.30
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_no_posture_is_above_the_highest_rim_or_beyond_reach(robot: Robot) -> None:
+    q = random_joints(200_000, seed=5, robot=robot)
+    assert robot.arm_lowest(q).max() <= robot.highest_rim
+    flanges = robot.forward(q[:20_000])
+    down = flanges[flanges[:, 2, 2] < -0.999]
+    assert np.hypot(down[:, 0, 3], down[:, 1, 3]).max() <= robot.reach + 0.1 * 0.05  # 2.6° off the vertical
+    assert robot.arm_lowest(q).max() > robot.highest_rim - 0.01  # so it is not only safe
+
+
+def test_a_container_that_cannot_be_served_is_told_with_both_lengths() -> None:
+    def said(box: Container, tallest: float, **place: Any) -> str | None:
+        setup = CellSetup(TX90, **place)
+        return setup.with_container(box).barrier(tallest)
+
+    assert said(Container(0.32, 0.32, 0.30), 0.05) is None
+    assert "0.8 m above" in str(said(Container(1.2, 0.8, 0.8), 0.4))
+    deep = said(Container(0.3, 0.3, 0.36), 0.05)
+    assert "0.36 m deep" in str(deep)
+    assert "0.3 m" in str(deep)
+    assert said(Container(0.3, 0.3, 0.36), 0.07) is None
+    far = said(Container(0.3, 0.3, 0.3), 0.1, container=Place((1.2, -0.15, 0.0)))
+    assert "1.2 m away" in str(far)
+    assert "reaches" in str(far)

@@ -40,6 +40,10 @@ class ManipulationConstraint(Constraint):
         """An orientation without a graspable spot is of no use anywhere."""
         return None if self.grasps(oriented) else NO_GRASP
 
+    def barrier(self, tallest: float) -> str | None:
+        """A container that is too deep, too high or too far away is said to be so before any search."""
+        return self.checker.cell.barrier(tallest)
+
     def grasps(self, oriented: OrientedItem) -> tuple[Grasp, ...]:
         """The grasps of an oriented item, generated once."""
         grasps = self._grasps.get(oriented)
