@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from packenv.config import GridConfig
+from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
@@ -22,6 +22,7 @@ from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
+from packenv.planning.search.orientations import turned_to_fit
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
@@ -171,6 +172,7 @@ class _Run:
     surfaces: list[ContainerMap] = field(default_factory=list)
     makeshift: list[str] = field(default_factory=list)
     risk: float = 0.0
+    _turned: dict[str, tuple[OrientedItem, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
@@ -237,7 +239,7 @@ class _Run:
     def fits_alone(self, name: str) -> bool:
         """Whether any orientation that the planner would try fits the empty container."""
         planner = self.planner
-        groups: Iterable[Sequence[OrientedItem]] = [self.items[name].orientations]
+        groups: Iterable[Sequence[OrientedItem]] = [self.orientations(name)]
         if planner.perturbations is not None:
             groups = itertools.chain(groups, planner.perturbations(name))
         return any(self.fits(group) for group in groups if group)
@@ -252,7 +254,20 @@ class _Run:
         if planner.search == "5d" and planner.perturbations is not None:
             groups = [*planner.perturbations(piece.item)]
             return self.attempt(piece, [o for group in groups for o in group], "5d")
-        return self.attempt(piece, self.items[piece.item].orientations, "first-pass")
+        return self.attempt(piece, self.orientations(piece.item), "first-pass")
+
+    def orientations(self, name: str) -> tuple[OrientedItem, ...]:
+        """An item at its stable poses and yaws; at other yaws where it fits the empty container at none of these."""
+        found = self._turned.get(name)
+        if found is None:
+            item, planner = self.items[name], self.planner
+            found = item.orientations
+            largest = np.add(self.container.size, CLEARANCE)
+            if planner.shapes is not None and not any((o.extents <= largest).all() for o in found):
+                size = self.container.size
+                found = turned_to_fit(planner.shapes[name], item.poses, planner.grid, size) or found
+            self._turned[name] = found
+        return found
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
@@ -371,7 +386,7 @@ class _Run:
     def leftover(self, item: PreparedItem, piece: Piece, rejections: Mapping[str, int]) -> Leftover:
         """Why an item is not in the plan."""
         box = self.container.label
-        fitting = [oriented for oriented in item.orientations if self.fits([oriented])]
+        fitting = [oriented for oriented in self.orientations(item.name) if self.fits([oriented])]
         objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
         words = sorted({word for word in objections if word is not None})
         if words == [NO_GRASP] and None not in objections:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import packenv as rp
-from packenv.config import CLEARANCE
+from packenv.config import CLEARANCE, GridConfig
+from packenv.planning.search.orientations import turned_to_fit
+from packenv.types import StablePose
 from tests.shapes import box, cup
 
 
@@ -84,3 +86,32 @@ def test_boxes_of_whole_cells_fill_the_container(sides: tuple[int, int, int]) ->
         {"brick": int(np.prod(sides))}, container, {"brick": brick}, constraints="overlap", grid_step=0.002
     )
     assert plan.complete
+
+
+def test_a_rod_is_turned_wherever_a_rectangle_fits_a_rectangle() -> None:
+    """Carver's condition: p × q fits P × Q (p > P, q ≤ Q) where ((P+Q)/(p+q))² + ((P-Q)/(p-q))² ≥ 2."""
+    rng = np.random.default_rng(1)
+    grid, pose = GridConfig(), StablePose(np.eye(3), 1.0, 0.01)
+    counts = {True: 0, False: 0}
+    for _ in range(300):
+        large, small = np.sort(rng.uniform(0.1, 0.4, 2))[::-1]
+        rod, wide = large * rng.uniform(1.005, 1.25), small * rng.uniform(0.02, 0.6)
+        sum_, difference = (large + small) / (rod + wide), (large - small) / (rod - wide)
+        room = sum_**2 + difference**2 - 2.0
+        if abs(room) < 0.01:
+            continue  # within a quarter of a degree of the border
+        item = box(rod, wide, 0.02, "rod")
+        found = turned_to_fit(item, (pose,), grid, (large, small, 0.1))
+        assert bool(found) == (room > 0.0), (rod, wide, large, small)
+        for oriented in found:
+            assert (oriented.extents <= np.array([large, small, 0.1]) + CLEARANCE).all()
+        counts[bool(found)] += 1
+    assert min(counts.values()) > 30
+
+
+@pytest.mark.parametrize("constraints", ["overlap", "stability"])
+def test_a_rod_longer_than_the_container_lies_across(constraints: str) -> None:
+    rod = {"rod": box(0.42, 0.015, 0.015, "rod")}
+    plan = packed({"rod": 1}, (0.40, 0.20, 0.10), rod, constraints=constraints)
+    assert plan.complete
+    assert not packed({"rod": 1}, (0.40, 0.20, 0.10), rod, constraints=constraints, heights="map").complete

@@ -69,6 +69,40 @@ def perturbations(
         yield tuple(memory.orient(item, rotated, grid.cell_size) for rotated in fitting)
 
 
+def turned_to_fit(
+    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
+) -> tuple[OrientedItem, ...]:
+    """The stable poses at those yaws at which the item fits a container, where there are such yaws.
+
+    Of every range of yaws that fit, tried every quarter of a degree, the one with most room is taken.
+
+    Args:
+        item: the item.
+        poses: its stable poses that are tried.
+        grid: the cell size counts.
+        size: of the container, m.
+    """
+    from scipy.spatial import ConvexHull
+
+    outline = item.vertices[ConvexHull(item.vertices).vertices]
+    yaws = np.arange(0.0, math.pi, math.radians(0.25))
+    found = []
+    for index, pose in enumerate(poses):
+        points = outline @ pose.rotation.T
+        if np.ptp(points[:, 2]) > size[2] + CLEARANCE:
+            continue
+        x = np.outer(np.cos(yaws), points[:, 0]) - np.outer(np.sin(yaws), points[:, 1])
+        y = np.outer(np.sin(yaws), points[:, 0]) + np.outer(np.cos(yaws), points[:, 1])
+        room = np.minimum(size[0] - np.ptp(x, axis=1), size[1] - np.ptp(y, axis=1))
+        fits = np.flatnonzero(room >= -CLEARANCE)
+        for ranges in np.split(fits, np.flatnonzero(np.diff(fits) > 1) + 1):
+            if len(ranges):
+                yaw = float(yaws[ranges[int(np.argmax(room[ranges]))]])
+                rotation = yaw_rotation(yaw) @ pose.rotation
+                found.append(orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw))
+    return tuple(found)
+
+
 @dataclass(frozen=True, eq=False)
 class _Rotation:
     """An orientation of the grid before it has maps; ``extents`` (3,) are those of its bounding box, m."""
