@@ -22,7 +22,7 @@ from packenv.planning.planner import by_box_volume
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.planning.search.orientations import OrientationMemory, perturbations
+from packenv.planning.search.orientations import OrientationMemory, fitting_orientations, perturbations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement, Pose
 
@@ -97,6 +97,7 @@ class Episode:
         self.outside: frozenset[int] = frozenset()
         self.collided = False
         self.offered: CandidateSet | None = None
+        self._turned: dict[str, tuple[OrientedItem, ...]] = {}
         self._groups: Iterator[Sequence[OrientedItem]] = iter(())
         self._groups_of: Piece | None = None
         self._advance()
@@ -256,10 +257,20 @@ class Episode:
                 self.sequence.defer()
             self._after_deferring()
 
+    def _fitting(self, name: str) -> tuple[OrientedItem, ...]:
+        prepared = self.shelf.prepared[name]
+        if self.config.heights == "map":
+            return prepared.orientations
+        if name not in self._turned:
+            self._turned[name] = fitting_orientations(
+                prepared, self.shelf.shapes[name], self.config.grid, self.container.size
+            )
+        return self._turned[name]
+
     def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
         """The next ones to try of a piece; None where there are no more."""
         if self.config.arrivals == "online" or self.sequence.stage == 0:
-            return self.shelf.prepared[piece.item].orientations
+            return self._fitting(piece.item)
         if piece != self._groups_of:
             self._groups_of = piece
             self._groups = iter(self.rules.groups(piece.item, self.container))

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from packenv.config import CLEARANCE, GridConfig
+from packenv.config import GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
@@ -22,7 +22,7 @@ from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
-from packenv.planning.search.orientations import turned_to_fit
+from packenv.planning.search.orientations import fitting_orientations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
@@ -258,16 +258,14 @@ class _Run:
 
     def orientations(self, name: str) -> tuple[OrientedItem, ...]:
         """An item at its stable poses and yaws; at other yaws where it fits the empty container at none of these."""
-        found = self._turned.get(name)
-        if found is None:
-            item, planner = self.items[name], self.planner
-            found = item.orientations
-            largest = np.add(self.container.size, CLEARANCE)
-            if planner.shapes is not None and not any((o.extents <= largest).all() for o in found):
-                size = self.container.size
-                found = turned_to_fit(planner.shapes[name], item.poses, planner.grid, size) or found
-            self._turned[name] = found
-        return found
+        item, shapes = self.items[name], self.planner.shapes
+        if shapes is None:
+            return item.orientations
+        if name not in self._turned:
+            self._turned[name] = fitting_orientations(
+                item, shapes[name], self.planner.grid, self.container.size
+            )
+        return self._turned[name]
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from packenv.config import CLEARANCE, GridConfig
 from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.prepare import PreparedItem
 from packenv.geometry.transforms import axis_rotation, yaw_rotation
 from packenv.types import FloatArray, Item, OrientedItem, StablePose
 
@@ -67,6 +68,23 @@ def perturbations(
     for group in groups:
         fitting = [rotated for rotated in group if not np.any(rotated.extents > largest)]
         yield tuple(memory.orient(item, rotated, grid.cell_size) for rotated in fitting)
+
+
+def fitting_orientations(
+    prepared: PreparedItem, shape: Item, grid: GridConfig, size: tuple[float, float, float]
+) -> tuple[OrientedItem, ...]:
+    """An item at its stable poses and yaws; at other yaws where it fits the container at none of these.
+
+    Args:
+        prepared: the item with its orientations.
+        shape: its mesh.
+        grid: the discretization.
+        size: of the container, m.
+    """
+    largest = np.add(size, CLEARANCE)
+    if any((oriented.extents <= largest).all() for oriented in prepared.orientations):
+        return prepared.orientations
+    return turned_to_fit(shape, prepared.poses, grid, size) or prepared.orientations
 
 
 def turned_to_fit(
