@@ -188,8 +188,8 @@ def test_a_deep_container_is_out_of_reach(
     order.write_text("item,qty\nbrick,1\n")
     assert pack(order, shelf, "--container", "0.15x0.15x1.5", "--json", "--search", "5d") == 1
     (left,) = json.loads(capsys.readouterr().out)["leftovers"]
-    assert left["reason"] == "no-packable-candidate"
-    assert sum(left["rejections"].values()) > 0
+    assert left["reason"] == "unreachable-container"
+    assert "0.15x0.15x1.5 is 1.5 m above" in left["detail"]
     assert pack(order, shelf, "--container", "0.15x0.15x1.5", "--constraints", "stability") == 0
 
 
