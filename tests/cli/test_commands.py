@@ -15,6 +15,7 @@ import trimesh
 from packenv.cli import main
 from packenv.planning.options import rules
 from packenv.planning.search.heuristics import HEURISTICS
+from tests.cli.refusals import refused
 from tests.conftest import REPO
 from tests.shapes import cup
 
@@ -47,17 +48,6 @@ def order(tmp_path: Path) -> Path:
 def _pack(order: Path, shelf: Path, *more: str | Path) -> int:
     arguments = [order, "--catalogue", shelf, "--container", SIZE, *more]
     return main(["pack", *map(str, arguments)])
-
-
-def _refused(capsys: pytest.CaptureFixture[str], code: int, *names: str) -> None:
-    """Exit code 2, one line on standard error that names what is wrong, nothing on standard output."""
-    printed = capsys.readouterr()
-    assert code == 2
-    assert printed.out == ""
-    (line,) = printed.err.strip().splitlines()
-    assert line.startswith("robotpack: ")
-    for name in names:
-        assert name in line
 
 
 def test_pack_then_verify_then_view(
@@ -201,7 +191,7 @@ def test_a_wrong_order_is_one_line(
     out = tmp_path / "out"
     out.mkdir()
     code = _pack(order, shelf, "--out", out / "p.json", "--html", out / "p.html", "--png", out / "p.png")
-    _refused(capsys, code, *names)
+    refused(capsys, code, *names)
     assert list(out.iterdir()) == []
 
 
@@ -232,14 +222,14 @@ def test_a_wrong_option_is_one_line(
     arguments: list[str], names: list[str], order: Path, shelf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     joined = [f"{arguments[0]}={arguments[1]}"]  # so that a value may begin with a dash
-    _refused(capsys, _pack(order, shelf, *joined), *names)
+    refused(capsys, _pack(order, shelf, *joined), *names)
 
 
 def test_a_mesh_in_millimetres_asks_for_the_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trimesh.creation.box((100, 80, 50)).export(tmp_path / "brick.stl")
     order = tmp_path / "order.csv"
     order.write_text("item,qty\nbrick,1\n")
-    _refused(capsys, _pack(order, tmp_path), "brick.stl", "--unit")
+    refused(capsys, _pack(order, tmp_path), "brick.stl", "--unit")
     assert _pack(order, tmp_path, "--unit", "mm") == 0
 
 
@@ -252,17 +242,17 @@ def test_a_changed_mesh_is_not_verified(
     assert _pack(order, tmp_path, "--out", tmp_path / "p.json") == 0
     trimesh.creation.box((0.1, 0.08, 0.051)).export(tmp_path / "brick.ply")
     capsys.readouterr()
-    _refused(capsys, main(["verify", str(tmp_path / "p.json")]), "brick.ply", "sha256")
+    refused(capsys, main(["verify", str(tmp_path / "p.json")]), "brick.ply", "sha256")
 
 
 @pytest.mark.parametrize("command", ["verify", "view"])
 def test_a_missing_plan_is_one_line(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     more = ["-o", str(tmp_path / "v.html")] if command == "view" else []
-    _refused(capsys, main([command, str(tmp_path / "none.json"), *more]), "none.json")
+    refused(capsys, main([command, str(tmp_path / "none.json"), *more]), "none.json")
 
 
 def test_a_view_of_unknown_kind_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _refused(capsys, main(["view", "p.json", "-o", str(tmp_path / "v.pdf")]), ".pdf", ".html")
+    refused(capsys, main(["view", "p.json", "-o", str(tmp_path / "v.pdf")]), ".pdf", ".html")
 
 
 def test_items_check_lists_every_mesh(shelf: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -373,7 +363,7 @@ def test_no_output_replaces_another_file(
     same: str, order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = order.read_bytes()
-    _refused(capsys, _pack(order, shelf, "--out", tmp_path / "p.json", "--html", tmp_path / same), same)
+    refused(capsys, _pack(order, shelf, "--out", tmp_path / "p.json", "--html", tmp_path / same), same)
     assert order.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["order.csv"]
 
@@ -412,7 +402,7 @@ def test_a_wrong_cell_size_in_a_plan_is_one_line(
     plan["settings"]["cell_size"] = cell
     path.write_text(json.dumps(plan))
     capsys.readouterr()
-    _refused(capsys, main(["view", str(path), "-o", str(tmp_path / "v.html")]), "cell_size")
+    refused(capsys, main(["view", str(path), "-o", str(tmp_path / "v.html")]), "cell_size")
 
 
 def test_an_ascii_terminal_is_no_error(order: Path, shelf: Path) -> None:

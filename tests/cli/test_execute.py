@@ -17,6 +17,7 @@ from PIL import Image
 from packenv.cli import main
 from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ItemOutcome, Session
+from tests.cli.refusals import refused
 from tests.conftest import REPO
 from tests.mesh_samples import write_three
 
@@ -49,15 +50,6 @@ def edited(folder: Path, edit: Callable[[dict[str, Any]], object], plan: str = "
     path = folder / "edited.json"
     path.write_text(json.dumps(document))
     return path
-
-
-def refused(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> None:
-    printed = capsys.readouterr()
-    assert code == 2
-    assert printed.out == ""
-    (line,) = printed.err.strip().splitlines()
-    for word in words:
-        assert word in line
 
 
 def test_a_plan_is_carried_out_and_measured(
@@ -265,7 +257,7 @@ def bent_path(plan: dict[str, Any]) -> None:
     ],
     ids=["empty", "short", "bent"],
 )
-def test_a_plan_that_cannot_be_carried_out_is_refused(
+def test_a_plan_that_cannot_be_carried_out_isrefused(
     edit: Callable[[dict[str, Any]], None], word: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = edited(folder, edit)
@@ -326,7 +318,7 @@ def test_a_window_needs_a_display(
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "601", "nan", "soon"])
-def test_a_settling_time_out_of_range_is_refused(
+def test_a_settling_time_out_of_range_isrefused(
     seconds: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as stopped:

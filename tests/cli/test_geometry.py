@@ -18,6 +18,7 @@ from packenv.io.plans import plan_to_json, read_plan
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import open_catalogue
 from packenv.types import Item
+from tests.cli.refusals import refused
 
 SIZE = "0.2x0.2x0.12"
 CLEARANCE = 0.004
@@ -76,15 +77,6 @@ def verified(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[
     capsys.readouterr()
     code = main(["verify", str(path), "--json"])
     return code, json.loads(capsys.readouterr().out)
-
-
-def refused(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> None:
-    printed = capsys.readouterr()
-    assert code == 2
-    assert printed.out == ""
-    (line,) = printed.err.strip().splitlines()
-    for word in words:
-        assert word in line
 
 
 def can_in_ring(plan: dict[str, Any]) -> None:
@@ -202,7 +194,7 @@ def no_envelope(plan: dict[str, Any]) -> None:
     ],
 )
 @pytest.mark.parametrize("command", ["verify", "view", "execute"])
-def test_a_plan_of_other_shapes_is_refused(
+def test_a_plan_of_other_shapes_isrefused(
     command: str,
     edit: Callable[[dict[str, Any]], None],
     words: list[str],
