@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeVar
 
 from packenv.agents.placement_network import NetworkConfig
-from packenv.errors import InputError, closest_match
+from packenv.errors import InputError, check_known
 
 T = TypeVar("T")
 
@@ -154,14 +154,10 @@ def _checked(where: str, mapping: object, kind: type[Any]) -> dict[str, Any]:
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {mapping!r}, give a JSON object")
     known = {f.name: f for f in fields(kind)}
-    known_names = ", ".join(known)
     defaults = kind()
     values: dict[str, Any] = {}
     for key, value in mapping.items():
-        if key not in known:
-            raise InputError(
-                f"{where} has no {key!r}{closest_match(key, known, f'; there are {known_names}')}"
-            )
+        check_known((key,), tuple(known), f"{where} has no", "there are")
         if value is None and "None" in str(known[key].type):
             values[key] = None
             continue

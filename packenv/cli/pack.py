@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import fields
 
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
@@ -12,7 +11,7 @@ from packenv.execution.planning_job import require_engine
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
-from packenv.planning.options import PRESETS, PlanOptions, grid_rules, heuristic_label
+from packenv.planning.options import PRESETS, PlanOptions, heuristic_label, option_names
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 
@@ -51,14 +50,12 @@ def options_from(arguments: argparse.Namespace) -> PlanOptions:
     Raises:
         InputError: one is wrong, or two contradict each other.
     """
-    names = [f.name for f in fields(PlanOptions) if f.name != "grid"]
-    given = {name: getattr(arguments, name) for name in names if getattr(arguments, name, None) is not None}
+    asked = {name: getattr(arguments, name, None) for name in option_names()}
+    given = {name: value for name, value in asked.items() if value is not None}
     given = {name: None if value == "none" else value for name, value in given.items()}
     if "own_constraints" in given:
         given["own_constraints"] = tuple(given["own_constraints"])
-    cells = {name: getattr(arguments, name, None) for name in grid_rules()}
-    given_cells = {name: value for name, value in cells.items() if value is not None}
-    return PRESETS[arguments.preset](**given).changed(given_cells)
+    return PRESETS[arguments.preset]().changed(given)
 
 
 def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> None:

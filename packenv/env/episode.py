@@ -97,7 +97,6 @@ class Episode:
         self.outside: frozenset[int] = frozenset()
         self.collided = False
         self.offered: CandidateSet | None = None
-        self._turned: dict[str, tuple[OrientedItem, ...]] = {}
         self._groups: Iterator[Sequence[OrientedItem]] = iter(())
         self._groups_of: Piece | None = None
         self._advance()
@@ -261,11 +260,8 @@ class Episode:
         prepared = self.shelf.prepared[name]
         if self.config.heights == "map":
             return prepared.orientations
-        if name not in self._turned:
-            self._turned[name] = fitting_orientations(
-                prepared, self.shelf.shapes[name], self.config.grid, self.container.size
-            )
-        return self._turned[name]
+        shape, grid = self.shelf.shapes[name], self.config.grid
+        return fitting_orientations(prepared, shape, grid, self.container.size)
 
     def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
         """The next ones to try of a piece; None where there are no more."""

@@ -98,18 +98,19 @@ class MotionCheck:
             a phrase for people; None where nothing is wrong.
         """
         frames = self.robot.link_frames(q)
-        tools = self.robot.tool(q)
+        tools = self.robot.gripper.flange_to_tool(frames[:, 6])
         shapes = self.robot.shapes
+        lowest = shapes.arm_lowest(frames)
         capsules = shapes.capsules(frames).ends
         inside = self.cell.to_container(capsules)
         if self.robot.limit_margin(q).min() < -_ROUNDING:
             return "a joint passes its limit"
         if shapes.self_collision(frames).any():
             return "the arm meets itself"
-        if min(shapes.arm_lowest(frames).min(), tools[:, 2, 3].min()) < self.ground - _ROUNDING:
+        if min(lowest.min(), tools[:, 2, 3].min()) < self.ground - _ROUNDING:
             return "the arm meets the ground"
         # Links above the rim need no closer look, which would take them for larger than they are.
-        low = shapes.arm_lowest(frames) < self.cell.rim
+        low = lowest < self.cell.rim
         if self._meets(inside[low, self._first : -1], self._radii[self._first : -1], *self._outside):
             return "the arm meets the container"
         task = held or released

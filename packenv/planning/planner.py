@@ -172,7 +172,6 @@ class _Run:
     surfaces: list[ContainerMap] = field(default_factory=list)
     makeshift: list[str] = field(default_factory=list)
     risk: float = 0.0
-    _turned: dict[str, tuple[OrientedItem, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
@@ -187,8 +186,7 @@ class _Run:
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
         if self.start is None and (why := self.barrier(sequence)) is not None:
-            lost = tuple(Leftover(p.item, p.instance, "unreachable-container", why) for p in pieces)
-            return Packing(self.container, (), lost, (), 0.0)
+            return self.given_up(pieces, why, "unreachable-container")
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
@@ -231,9 +229,9 @@ class _Run:
         )
         return next((why for why in found if why is not None), None)
 
-    def given_up(self, pieces: Sequence[Piece], why: str) -> Packing:
+    def given_up(self, pieces: Sequence[Piece], why: str, reason: str = "given-up") -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
-        lost = tuple(Leftover(piece.item, piece.instance, "given-up", why) for piece in pieces)
+        lost = tuple(Leftover(piece.item, piece.instance, reason, why) for piece in pieces)
         return Packing(self.container, (), lost, (), 0.0)
 
     def fits_alone(self, name: str) -> bool:
@@ -261,11 +259,7 @@ class _Run:
         item, shapes = self.items[name], self.planner.shapes
         if shapes is None:
             return item.orientations
-        if name not in self._turned:
-            self._turned[name] = fitting_orientations(
-                item, shapes[name], self.planner.grid, self.container.size
-            )
-        return self._turned[name]
+        return fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""

@@ -154,11 +154,15 @@ class Cell:
         return self.position[2] + self.container.height
 
     @property
+    def away(self) -> float:
+        """Distance of the container's inside from joint 1's axis, m; 0 where the axis runs through it."""
+        x, y, _ = self.to_container(np.zeros(3)).tolist()
+        return hypot(max(-x, 0.0, x - self.container.length), max(-y, 0.0, y - self.container.width))
+
+    @property
     def in_column(self) -> bool:
         """Whether the container stands where the robot's base and link 1 are, which no path can help."""
-        x, y, _ = self.to_container(np.zeros(3)).tolist()
-        away = hypot(max(-x, 0.0, x - self.container.length), max(-y, 0.0, y - self.container.width))
-        return self.rim > 0.0 and away < self.robot.shapes.column_radius
+        return self.rim > 0.0 and self.away < self.robot.shapes.column_radius
 
     @property
     def turn(self) -> FloatArray:
@@ -221,8 +225,6 @@ class Cell:
             tallest: no item is taller, however it is turned, m.
         """
         box, robot = self.container, self.robot
-        x, y, _ = self.to_container(np.zeros(3)).tolist()
-        away = hypot(max(-x, 0.0, x - box.length), max(-y, 0.0, y - box.width))
         if self.rim > robot.highest_rim:
             return (
                 f"the rim of {box.label} is {self.rim:.3g} m above the base of {robot.name}, whose links are never all "
@@ -233,8 +235,10 @@ class Cell:
                 f"{box.label} is {box.height:.3g} m deep, and the gripper of {robot.gripper.length:.3g} m with the "
                 f"tallest item, at most {tallest:.3g} m, does not reach from its floor to its rim"
             )
-        if away > robot.reach:
-            return f"{box.label} is {away:.3g} m away from {robot.name}, which reaches {robot.reach:.3g} m"
+        if self.away > robot.reach:
+            return (
+                f"{box.label} is {self.away:.3g} m away from {robot.name}, which reaches {robot.reach:.3g} m"
+            )
         return None
 
     def arm_clear(self, q: FloatArray) -> BoolArray:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -50,15 +50,7 @@ Reason: TypeAlias = Literal[
     "link-collision",
 ]
 
-REASONS: Final[tuple[Reason, ...]] = (
-    "no-grasp",
-    "held-item-blocked",
-    "gripper-hits-wall",
-    "gripper-hits-item",
-    "unreachable",
-    "joint-limits",
-    "link-collision",
-)
+REASONS: Final[tuple[Reason, ...]] = get_args(Reason)
 """Why a candidate is not feasible, in the sequence of the tests."""
 
 TOLERANCE: Final = cup_kernels.TOUCH_TOLERANCE

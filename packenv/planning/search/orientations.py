@@ -23,6 +23,10 @@ MEMORY = 2**30
 """Bytes of heightmaps that :data:`RECENT` keeps; an item's whole grid takes 10 to 100 MB at 2 mm cells."""
 
 
+_TURNED: WeakKeyDictionary[PreparedItem, tuple[object, tuple[OrientedItem, ...]]] = WeakKeyDictionary()
+"""Of each item that did not fit: container and grid that were asked for last, and the orientations that fit."""
+
+
 def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
     """Angles (γ, φ, ψ) of a (3, 3) rotation R_z(γ) R_y(φ) R_x(ψ), rad.
 
@@ -84,7 +88,11 @@ def fitting_orientations(
     largest = np.add(size, CLEARANCE)
     if any((oriented.extents <= largest).all() for oriented in prepared.orientations):
         return prepared.orientations
-    return turned_to_fit(shape, prepared.poses, grid, size) or prepared.orientations
+    asked = (size, grid)
+    known = _TURNED.get(prepared)
+    if known is None or known[0] != asked:
+        known = _TURNED[prepared] = asked, turned_to_fit(shape, prepared.poses, grid, size)
+    return known[1] or prepared.orientations
 
 
 def turned_to_fit(
