@@ -174,11 +174,11 @@ def plan(
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
     sequence = job.sequence(order.names)
-    packing, options_used = job.pack_smallest(boxes, sequence)
+    packing = job.pack_smallest(boxes, sequence)
     if chosen.rehearse and packing.placements:
-        rehearsed = replace(job, options=options_used).rehearse(packing.container, sequence, packing)
-        return _rehearsed_plan(rehearsed, order.lines, shelf, options_used, unit)
-    return make_plan(packing, order.lines, shelf, options_used, unit=unit)
+        rehearsed = job.rehearse(packing.container, sequence, packing)
+        return _rehearsed_plan(rehearsed, order.lines, shelf, chosen, unit)
+    return make_plan(packing, order.lines, shelf, chosen, unit=unit)
 
 
 def rehearse(

@@ -199,7 +199,7 @@ def make_planner(
     """
     if options.stability != "physics":
         return assemble(options, items, container, margins=margins, give_up=give_up)
-    static = replace(options, stability="paper")
+    static = replace(options, stability="cautious")
     planner = assemble(static, items, container, margins=margins, give_up=give_up)
     release = options.setup.release_height
     careful_drops, exact = (

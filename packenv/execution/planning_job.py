@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -101,23 +100,27 @@ class PlanningJob:
         with self.planner(box, give_up=give_up) as planner:
             return planner.pack(sequence, self.shelf.prepared, box)
 
-    def pack_smallest(
-        self, boxes: Sequence[Container], sequence: Sequence[str]
-    ) -> tuple[Packing, PlanOptions]:
-        """The packing in the smallest container that takes all, else in the largest; and how it was planned.
+    def pack_smallest(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing:
+        """The packing in the smallest container that takes all, else in the largest.
 
         All but the last container are given up as soon as they are known not to do. What does without a margin
         in a small box goes before a margin in a larger one.
         """
-        no_restarts = replace(self.options, restarts=0)
-        rules = [no_restarts]
-        if no_restarts.stability == "cautious":
-            rules.append(replace(no_restarts, stability="paper"))
-        for box, rule in itertools.product(boxes[:-1], rules):
-            packing = replace(self, options=rule).pack(box, sequence, give_up=True)
-            if packing.complete:
-                return packing, replace(self.options, stability=rule.stability)
-        return self.pack(boxes[-1], sequence), self.options
+        no_restarts = replace(self, options=replace(self.options, restarts=0))
+        for box in boxes[:-1]:
+            with no_restarts.planner(box, give_up=True) as planner:
+                for one in (planner, *self._without_margin(planner)):
+                    packing = one.pack(sequence, self.shelf.prepared, box)
+                    if packing.complete:
+                        return packing
+        return self.pack(boxes[-1], sequence)
+
+    def _without_margin(self, planner: Planner) -> Iterator[Planner]:
+        """A cautious planner without its preference."""
+        strategy = planner.strategy
+        if self.options.stability == "cautious":
+            for tiers in strategy.last_resorts[:1]:
+                yield replace(planner, strategy=replace(strategy, first=tiers, fallback=None))
 
     def rehearse(
         self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()

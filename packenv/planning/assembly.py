@@ -66,6 +66,11 @@ def margin_rule(stability: StabilityRule) -> MarginRule | None:
     return MARGIN if stability == "margin" else None
 
 
+def counts_prestress(stability: StabilityRule) -> bool:
+    """Whether a stability rule lets contacts press against each other without a cause."""
+    return stability == "paper"
+
+
 def clearances(clearance: float, grid: GridConfig) -> tuple[int, ...]:
     """Cells of clearance to try, the most first: all that was asked for (m), a third, none."""
     widest = math.ceil(clearance / grid.cell_size - 1e-9)
@@ -145,7 +150,13 @@ def constraints_of(
         checker = StabilityChecker(options.setup.friction)
         found.append(
             StabilityConstraint(
-                items.fields, items.masses, checker, rule, options.contacts, with_margin=margins
+                items.fields,
+                items.masses,
+                checker,
+                rule,
+                options.contacts,
+                with_margin=margins,
+                prestress=counts_prestress(options.stability),
             )
         )
     if options.constraints == "robot":

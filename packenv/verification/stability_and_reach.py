@@ -14,7 +14,7 @@ import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
-from packenv.planning.assembly import margin_rule
+from packenv.planning.assembly import counts_prestress, margin_rule
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.grasps import generate_grasps
 from packenv.planning.options import GraspRule, PlanOptions
@@ -23,8 +23,10 @@ from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.constraint import ContactFinder, contact_finder, grounded
+from packenv.planning.stability.contact_patches import tighten
 from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin
+from packenv.planning.stability.settling import settles_with
 from packenv.robot.protocol import MAX_STEP
 from packenv.types import Contacts, Item, Placement, Plan
 
@@ -63,13 +65,16 @@ def recheck(
         plan: the plan.
         items: the placed items by name, as the geometry that the plan was made with.
         fields: their surfaces.
-        options: what the plan claims to keep; of the stability rules ``cautious`` and ``physics`` equilibrium.
+        options: what the plan claims to keep; of the stability rules ``cautious`` and ``physics`` that the pile
+            is balanced and each item settles.
     """
     if options.constraints == "overlap":
         return Recheck()
     rule = margin_rule(options.stability)
     find = contact_finder(options.contacts, tight=rule is not None)
-    unstable = _unstable(plan, items, fields, StabilityChecker(options.setup.friction), rule, find)
+    balance = StabilityChecker(options.setup.friction)
+    prestress = counts_prestress(options.stability)
+    unstable = _unstable(plan, items, fields, balance, rule, find, prestress=prestress)
     if options.constraints == "stability":
         return Recheck(unstable)
     surfaces = _surfaces_before(plan, items, options)
@@ -107,6 +112,8 @@ def _unstable(
     checker: StabilityChecker,
     rule: MarginRule | None,
     find: ContactFinder,
+    *,
+    prestress: bool,
 ) -> tuple[int, ...]:
     bodies: list[Body] = []
     contacts = no_contacts()
@@ -124,7 +131,8 @@ def _unstable(
         bodies.append(body)
         masses.append(item.mass)
         coms.append(placement.rotation @ item.com + placement.position)
-        if not _stands(checker, contacts, masses, coms, rule):
+        carried = prestress or settles_with(checker, tighten(own), coms[-1], len(masses), rule)
+        if not (carried and _stands(checker, contacts, masses, coms, rule)):
             failed.append(step)
     return tuple(failed)
 

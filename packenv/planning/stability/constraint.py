@@ -18,6 +18,7 @@ from packenv.planning.stability.contact_patches import thin, tighten
 from packenv.planning.stability.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.stability.paper_contacts import paper_contacts
+from packenv.planning.stability.settling import settled_tilt, settles, settles_with
 from packenv.types import Contacts, Container, FloatArray
 
 ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
@@ -76,6 +77,8 @@ class StabilityConstraint(Constraint):
         with_margin: also tell, for each placed item, the tilt that it survives while the others are held.
         alone: what the new item must survive while all others are held; None asks nothing of this kind. It
             leaves the state of the pile as it is without.
+        prestress: count on contacts that only press against each other (the paper's rule); otherwise the new
+            item must also settle (:mod:`packenv.planning.stability.settling`).
     """
 
     fields: Mapping[str, SurfaceField]
@@ -85,6 +88,7 @@ class StabilityConstraint(Constraint):
     contact_rule: ContactRule = "surface"
     with_margin: bool = False
     alone: MarginRule | None = None
+    prestress: bool = False
 
     @property
     def name(self) -> str:
@@ -114,15 +118,20 @@ class StabilityConstraint(Constraint):
         balance = self._balance(contacts, masses, coms, state.balance)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
+        if not self.prestress and not settles_with(self.checker, tighten(own), trial.com, index, self.rule):
+            return Verdict(False, "unstable-new-item")
         details = Details(lambda: self._details(contacts, masses, coms, balance, index))
         pile = PileState((*state.bodies, body), masses, coms, contacts, balance, state.ground)
         return Verdict(True, state=pile, details=details)
 
     def _stands_alone(self, own: Contacts, masses: FloatArray, coms: FloatArray) -> bool:
         assert self.alone is not None
-        checker = self.alone.weakened(self.checker)
-        solutions = checker.balance_alone(tighten(own), masses, coms, self.alone.pulls(checker.gravity))
-        return all(solution.status == "stable" for solution in solutions)
+        checker, tight = self.alone.weakened(self.checker), tighten(own)
+        pulls = self.alone.pulls(checker.gravity)
+        solutions = checker.balance_alone(tight, masses, coms, pulls)
+        return all(solution.status == "stable" for solution in solutions) and (
+            self.prestress or settles(checker, tight, coms[-1], len(masses), pulls)
+        )
 
     def _details(
         self,
@@ -150,8 +159,14 @@ class StabilityConstraint(Constraint):
             ],
         }
         if self.with_margin:
-            survived = measure_margin(self.checker, tighten(contacts), masses, coms, free=[index])
-            details["margin_deg"] = round(survived.tilt_deg, 3)
+            tight = tighten(contacts)
+            survived = measure_margin(self.checker, tight, masses, coms, free=[index])
+            tilt = (
+                survived.tilt_deg
+                if self.prestress
+                else settled_tilt(self.checker, tight, coms[-1], index, survived)
+            )
+            details["margin_deg"] = round(tilt, 3)
         return details
 
     def _balance(

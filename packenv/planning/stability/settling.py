@@ -1,0 +1,170 @@
+"""Whether gravity presses an item to where it stands, or only its contacts press against each other.
+
+Balance (:mod:`packenv.planning.stability.equilibrium`) asks whether *some* forces carry a pile. Two facing
+contacts may then press against each other without limit (prestress), and friction on them carries an item
+that hangs between a wall and a bottle. No such force comes about when the item is put there and let go.
+
+**The model.** The item is let go without speed and without any force on it; all other items are held, as they
+stood before it came. Its contacts are springs of one stiffness that push and never pull, and behind their
+friction, sideways, springs of the same stiffness (Coulomb: at most μ times the push). The item moves by
+
+    v = load + Σ forces(v),    load = gravity + tilt,
+
+the motion of one step in units of the step's free fall, turns measured at :data:`LENGTH` from the centre of
+mass: v = gravity is free fall, and a force of one weight on a contact gives it way by 1 / ``STIFFNESS``. The
+solution is the one that is reached *from no forces*: first without friction, then with bounds on friction
+that follow the pushes (each by a share ``_FOLLOWING``, so pushes come before the friction on them). The item
+*settles* where what is left of its motion is at most ``SETTLED``: ten times what one weight on one contact
+gives way by. Where it hangs between two facing walls, no push ever begins, at any friction; where it is wedged
+so steeply that only ten weights and more on a contact hold it, it slips.
+
+What settles with little friction settles with more, by definition: a coefficient counts as all steps of
+``_STEP`` up to it, and the item settles if it does so at one of them. The thresholds of sliding themselves are
+exact all the same, for balance is asked too. Items are taken one by one, in the sequence in which they come:
+a keystone that holds up what would fall without it never finds that there.
+
+Source: Coulomb friction has several solutions (Pang and Trinkle 2000, "Stability characterizations of rigid
+body contact problems with Coulomb friction"); balance is their *weak stability*, "no force is at hand, so it
+falls" the opposite choice.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.equilibrium import LENGTH, take, tangents
+from packenv.planning.stability.margins import Margin, MarginRule
+from packenv.planning.stability.settling_kernels import settle
+from packenv.types import Contacts, FloatArray
+
+STIFFNESS = 1000.0
+"""Of a contact: weights over the item's free fall. Ten times more or less tells as well (docs/decisions.md)."""
+
+SETTLED = 0.01
+"""Largest motion, in units of free fall, that is left of an item that settles."""
+
+_STEP = 0.05
+"""Friction coefficients are looked at in these steps."""
+
+_FOLLOWING = 0.3
+"""Share by which a bound on friction follows the push in each iteration. At 1 one pile in fifty cycles."""
+
+_ACCURACY = 0.1
+"""Motion is found to this share of what one weight gives way by."""
+
+_ITERATIONS = 200
+"""Most of them; one in a hundred items, those on the edge of sliding, takes more than 50."""
+
+_TRUSTED = 0.98
+"""A tilt from force balance is confirmed at this share of it: at the very edge nothing ever stops."""
+
+_HALVINGS = 6
+"""Of a tilt that is not confirmed: to a degree."""
+
+
+def contact_rows(contacts: Contacts, com: ArrayLike, new: int, up: FloatArray) -> FloatArray:
+    """What a unit force at each contact does to one item.
+
+    Args:
+        contacts: of the item; contacts of others are left out.
+        com: (3,) its centre of mass, m.
+        new: its body.
+        up: (3,) unit, against gravity.
+
+    Returns:
+        (k, 3, 6) force and torque over :data:`LENGTH`, of a push along the normal into the item and of forces
+        along two tangents.
+    """
+    own = take(contacts, (contacts.first == new) | (contacts.second == new))
+    into = own.normals * np.where(own.second == new, 1.0, -1.0)[:, None]
+    forces = np.stack([into, *tangents(into, up)], axis=1)
+    arms = (own.points - np.asarray(com, dtype=np.float64))[:, None] / LENGTH
+    return np.concatenate([forces, np.cross(arms, forces)], axis=2)
+
+
+def settles(
+    checker: StabilityChecker,
+    contacts: Contacts,
+    com: ArrayLike,
+    new: int,
+    tilts: ArrayLike = (0.0, 0.0, 0.0),
+) -> bool:
+    """Does an item stay where it is let go, all others held? See the head of this file.
+
+    Args:
+        checker: friction and gravity.
+        contacts: of the item, or of the whole pile.
+        com: (3,) centre of mass of the item, m.
+        new: the item's body.
+        tilts: (3,) or (d, 3) horizontal pulls in units of gravity; it must stay under each.
+    """
+    gravity = np.asarray(checker.gravity, dtype=np.float64)
+    down = gravity / np.linalg.norm(gravity)
+    rows = contact_rows(contacts, com, new, -down)
+    loads = np.zeros((np.size(tilts) // 3, 6))
+    loads[:, :3] = down + tilts
+    return all(_settle(rows, load, checker.mu) for load in loads)
+
+
+def settles_with(
+    checker: StabilityChecker, contacts: Contacts, com: ArrayLike, new: int, rule: MarginRule | None
+) -> bool:
+    """Does an item settle, and where a margin is asked for by the margin's friction under its tilts too?
+
+    Args:
+        checker: friction and gravity.
+        contacts: of the item, or of the whole pile.
+        com: (3,) centre of mass of the item, m.
+        new: the item's body.
+        rule: the margin; None asks for none.
+    """
+    return settles(checker, contacts, com, new) and (
+        rule is None or settles(rule.weakened(checker), contacts, com, new, rule.pulls(checker.gravity))
+    )
+
+
+def _settle(rows: FloatArray, load: FloatArray, mu: float) -> bool:
+    motion = np.empty(6)
+    for step in range(math.ceil(mu / _STEP - 1e-9), -1, -1):
+        settle(rows, load, step * _STEP, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
+        if np.abs(motion).max() <= SETTLED:
+            return True
+    return False
+
+
+def settled_tilt(
+    checker: StabilityChecker, contacts: Contacts, com: ArrayLike, new: int, margin: Margin
+) -> float:
+    """The tilt of gravity up to which balance holds and an item settles, degrees.
+
+    Args:
+        checker: friction and gravity.
+        contacts: of the item, or of the whole pile.
+        com: (3,) centre of mass of the item, m.
+        new: the item's body.
+        margin: what force balance says.
+
+    Returns:
+        The least over the margin's directions; 0 where the item does not settle without tilt.
+    """
+    if not margin.stable or not settles(checker, contacts, com, new):
+        return 0.0
+    least = margin.tilt_deg
+    for direction, tilt in zip(margin.directions, margin.tilts_deg.tolist(), strict=True):
+        high = min(tilt, least)
+
+        def stays(degrees: float, way: FloatArray = direction) -> bool:
+            return settles(checker, contacts, com, new, math.tan(math.radians(degrees)) * way)
+
+        if stays(_TRUSTED * high):
+            continue
+        low = 0.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2.0
+            low, high = (middle, high) if stays(middle) else (low, middle)
+        least = min(least, low)
+    return least
