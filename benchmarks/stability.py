@@ -3,7 +3,9 @@
 Items are placed where HM puts them without looking at stability; a placement that falls is taken out again,
 so every question is asked of a pile that stands. ``contact_ms`` and ``solve_ms`` are medians of CPU time over
 the questions at large piles (``--largest`` items and more, the new one included). ``agreement`` is the share
-of all questions where the checker, shortcuts included, says what the CVXPY reference says of the contacts.
+of all questions where the checker, shortcuts included, says what the CVXPY reference says of the contacts: the
+rule of ``--stability paper``. ``settling`` is the same for what all other rules ask besides, whether the new
+item settles, of every fourth question where the pile is balanced; ``settle_ms`` is over all of these.
 """
 
 from __future__ import annotations
@@ -22,17 +24,19 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.orders import fitting, random_orders
+from benchmarks.settling_reference import reference_motion
 from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
 from packenv.io.containers import parse_container, read_boxes
 from packenv.planning.planner import Planner, by_box_volume
 from packenv.planning.search.heuristics import HEURISTICS
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.contact_patches import thin
+from packenv.planning.stability.contact_patches import thin, tighten
 from packenv.planning.stability.contacts import Body, item_contacts, join, no_contacts
 from packenv.planning.stability.equilibrium import build_equilibrium
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin
 from packenv.planning.stability.paper_contacts import paper_contacts
+from packenv.planning.stability.settling import SETTLED, settles
 from packenv.planning.stability.solvers import solve_cvxpy
 
 
@@ -73,6 +77,7 @@ def main() -> int:
     questions = agreed = stable = 0
     compared: Counter[tuple[bool, bool]] = Counter()
     contact_counts = []
+    settling: Counter[tuple[bool, bool]] = Counter()
     names = sorted(fitting(prepared, container, grid))
     for order in tqdm(random_orders(names, arguments.size, arguments.orders, arguments.seed)):
         plan = Planner(HEURISTICS["hm"], grid).pack(by_box_volume(order, prepared), prepared, container)
@@ -115,6 +120,13 @@ def main() -> int:
                 contact_counts.append(len(pile))
             if not result.stable:
                 continue
+            settle_ms, stays = timed(
+                lambda c=found, q=question, i=index: settles(checker, tighten(c), q[2][-1], i)
+            )
+            times["settle"].append(settle_ms)
+            if len(times["settle"]) % 4 == 0:
+                motion = reference_motion(tighten(found), question[2][-1], index, checker.mu)
+                settling[stays, bool(abs(motion).max() <= SETTLED)] += 1
             rule_ms, tilts = timed(
                 lambda q=question, before=tilted: check_margin(checker, *q, rule, previous=before)
             )
@@ -131,6 +143,12 @@ def main() -> int:
         "solve_ms": median(times["solve"]),
         "margin_rule_ms": median(times["margin rule"]),
         "margin_ms": median(times["margin"]),
+        "settle_ms": median(times["settle"]),
+        "settling": {
+            "questions": settling.total(),
+            "agreement": (settling[True, True] + settling[False, False]) / max(settling.total(), 1),
+            "falls": settling[False, False] + settling[False, True],
+        },
         "solve_ms_by_step": {
             name.removeprefix("solve "): median(values)
             for name, values in sorted(times.items())
