@@ -36,9 +36,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.equilibrium import LENGTH, take, tangents
+from packenv.planning.stability.equilibrium import LENGTH
 from packenv.planning.stability.margins import Margin, MarginRule
-from packenv.planning.stability.settling_kernels import settle
+from packenv.planning.stability.settling_kernels import fill_rows, settle
 from packenv.types import Contacts, FloatArray
 
 STIFFNESS = 1000.0
@@ -66,24 +66,24 @@ _HALVINGS = 6
 """Of a tilt that is not confirmed: to a degree."""
 
 
-def contact_rows(contacts: Contacts, com: ArrayLike, new: int, up: FloatArray) -> FloatArray:
+def contact_rows(contacts: Contacts, com: ArrayLike, new: int) -> FloatArray:
     """What a unit force at each contact does to one item.
 
     Args:
         contacts: of the item; contacts of others are left out.
         com: (3,) its centre of mass, m.
         new: its body.
-        up: (3,) unit, against gravity.
 
     Returns:
         (k, 3, 6) force and torque over :data:`LENGTH`, of a push along the normal into the item and of forces
         along two tangents.
     """
-    own = take(contacts, (contacts.first == new) | (contacts.second == new))
-    into = own.normals * np.where(own.second == new, 1.0, -1.0)[:, None]
-    forces = np.stack([into, *tangents(into, up)], axis=1)
-    arms = (own.points - np.asarray(com, dtype=np.float64))[:, None] / LENGTH
-    return np.concatenate([forces, np.cross(arms, forces)], axis=2)
+    rows = np.empty((len(contacts), 3, 6))
+    centre = np.asarray(com, dtype=np.float64)
+    count = fill_rows(
+        contacts.points, contacts.normals, contacts.first, contacts.second, new, centre, LENGTH, rows
+    )
+    return rows[:count]
 
 
 def settles(
@@ -104,7 +104,7 @@ def settles(
     """
     gravity = np.asarray(checker.gravity, dtype=np.float64)
     down = gravity / np.linalg.norm(gravity)
-    rows = contact_rows(contacts, com, new, -down)
+    rows = contact_rows(contacts, com, new)
     loads = np.zeros((np.size(tilts) // 3, 6))
     loads[:, :3] = down + tilts
     return all(_settle(rows, load, checker.mu) for load in loads)

@@ -1,4 +1,4 @@
-"""Compiled part of settling: one item on springs with Coulomb friction."""
+"""Compiled parts of settling: one item on springs with Coulomb friction."""
 
 from __future__ import annotations
 
@@ -13,6 +13,45 @@ _SOFT = 10.0
 
 _ROUNDS = 40
 """Iterations after which the pushes without friction are taken as they are."""
+
+
+@compiled
+def fill_rows(points, normals, first, second, new, com, length, rows):  # type: ignore[no-untyped-def]
+    """Wrenches of unit forces at the contacts of one item, one along the normal and two across it.
+
+    Args:
+        points: (k, 3) contacts, m.
+        normals: (k, 3) unit, into ``second``.
+        first: (k,) bodies.
+        second: (k,) bodies.
+        new: the item's body.
+        com: (3,) its centre of mass, m.
+        length: that torques are measured by, m.
+        rows: (k, 3, 6) filled from the front.
+
+    Returns:
+        number of its contacts.
+    """
+    count = 0
+    for k in range(len(points)):
+        if first[k] != new and second[k] != new:
+            continue
+        row = rows[count]
+        axis = np.argmin(np.abs(normals[k]))
+        size = math.sqrt(1.0 - normals[k, axis] ** 2)
+        for a in range(3):
+            row[0, a] = normals[k, a] if second[k] == new else -normals[k, a]
+            row[1, a] = ((1.0 if a == axis else 0.0) - normals[k, axis] * normals[k, a]) / size
+        for a in range(3):
+            b, c = (a + 1) % 3, (a + 2) % 3
+            row[2, a] = row[0, b] * row[1, c] - row[0, c] * row[1, b]
+        for d in range(3):
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                arm_b, arm_c = (points[k, b] - com[b]) / length, (points[k, c] - com[c]) / length
+                row[d, 3 + a] = arm_b * row[d, c] - arm_c * row[d, b]
+        count += 1
+    return count
 
 
 @compiled

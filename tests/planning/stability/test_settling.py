@@ -173,7 +173,7 @@ def test_a_smooth_wedge_slips_where_only_many_weights_would_hold_it():
         sunk = 1.0 / (8.0 * STIFFNESS * np.sin(np.radians(angle)) ** 2)
         sunk /= 1.0 + sunk  # that it falls freely by as it gives way
         p = between(angle)
-        rows = contact_rows(p.contacts, p.coms[0], 1, np.array([0.0, 0.0, 1.0]))
+        rows = contact_rows(p.contacts, p.coms[0], 1)
         motion = np.empty(6)
         settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), 0.0, STIFFNESS, 0.3, 1e-7, 200, motion)
         assert -motion[2] == pytest.approx(sunk, rel=1e-6)
@@ -323,7 +323,7 @@ def test_a_margin_asks_for_its_tilts_with_its_friction():
 
 def motion_of(p: Pile, mu: float) -> np.ndarray:
     """What the product says is left of the motion, at this coefficient alone."""
-    rows = contact_rows(p.contacts, p.coms[0], 1, np.array([0.0, 0.0, 1.0]))
+    rows = contact_rows(p.contacts, p.coms[0], 1)
     motion = np.empty(6)
     settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), mu, STIFFNESS, 0.3, 1e-4, 200, motion)
     return motion
