@@ -111,7 +111,9 @@ def judge(pile: Pile, own: Contacts) -> tuple[tuple[bool, ...], float]:
     weak, pulls = MARGIN.weakened(CHECKER), MARGIN.pulls()
     alone = weak.balance_alone(tight, masses, coms, pulls)
     margin = (
-        carried and all(a.status == "stable" for a in alone) and settles(weak, tight, coms[-1], new, pulls)
+        carried
+        and all(a.status == "stable" for a in alone)
+        and settles(CHECKER, tight, coms[-1], new, MARGIN)
     )
     return (balanced, carried, margin), spent
 

@@ -34,6 +34,7 @@ MESHES = {
     for item in (
         box(0.08, 0.06, 0.04, "brick"),
         box(0.10, 0.08, 0.02, "book"),
+        box(0.1998, 0.06, 0.04, "shelf"),
         cylinder(0.02, 0.06, "can", sections=24),
         cup(0.03, 0.05, name="cup"),
     )
@@ -126,6 +127,15 @@ def test_what_a_plan_says_of_its_stability_is_not_believed(robot_plan: Plan, she
         robot_plan, 1, details={k: v for k, v in robot_plan.placements[0].details.items() if k != "stability"}
     )
     assert again(silent, shelf).ok
+
+
+def test_what_only_two_walls_hold_stands_by_the_papers_check_alone(shelf: ItemShelf) -> None:
+    hanging = pile(put("shelf", 0.0001, 0.05, 0.05))
+    for stability in ("cautious", "margin", "physics"):
+        assert again(hanging, shelf, "stability", stability) == Recheck((1,))
+    assert again(hanging, shelf, "stability", "paper").ok
+    lying = pile(put("shelf", 0.0001, 0.05, 0.0))
+    assert again(lying, shelf, "stability", "cautious").ok
 
 
 @pytest.mark.parametrize("step", range(1, len(NAMES) + 1))

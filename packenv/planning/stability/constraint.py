@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -53,6 +53,7 @@ class PileState:
         contacts: all of them, thinned.
         balance: the forces that were found, one result for each direction of gravity that was asked.
         ground: how many of the first bodies are taken as part of the container.
+        found: contacts of the candidates that were asked on this pile, by place: tiers ask the same ones.
     """
 
     bodies: tuple[Body, ...]
@@ -61,6 +62,7 @@ class PileState:
     contacts: Contacts
     balance: tuple[StabilityResult, ...]
     ground: int = 0
+    found: dict[tuple[str, bytes, int, int, float], Contacts] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +108,12 @@ class StabilityConstraint(Constraint):
         box = np.stack([trial.corner, trial.corner + trial.oriented.extents])
         body = Body(self.fields[name], trial.oriented.rotation, trial.position, box)
         index = len(state.bodies) - state.ground + 1
-        find = contact_finder(self.contact_rule, tight=self.rule is not None)
-        own = grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
+        place = (name, trial.oriented.rotation.tobytes(), trial.ix, trial.iy, trial.z)
+        own = state.found.get(place)
+        if own is None:
+            find = contact_finder(self.contact_rule, tight=self.rule is not None)
+            own = grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
+            state.found[place] = own
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
@@ -130,7 +136,7 @@ class StabilityConstraint(Constraint):
         pulls = self.alone.pulls(checker.gravity)
         solutions = checker.balance_alone(tight, masses, coms, pulls)
         return all(solution.status == "stable" for solution in solutions) and (
-            self.prestress or settles(checker, tight, coms[-1], len(masses), pulls)
+            self.prestress or settles(self.checker, tight, coms[-1], len(masses), self.alone)
         )
 
     def _details(

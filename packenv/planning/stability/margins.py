@@ -11,6 +11,7 @@ as every friction cone is open to its last degree, and a ball stands on a point.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,7 +100,12 @@ class Margin:
 
 def tilt_directions(gravity: ArrayLike = GRAVITY, n: int = N_DIRECTIONS) -> FloatArray:
     """(n, 3) unit vectors across gravity, evenly spread; the first along x where gravity is vertical."""
-    pull = np.asarray(gravity, dtype=np.float64)
+    return _tilt_directions(tuple(np.asarray(gravity, dtype=np.float64).tolist()), n)
+
+
+@lru_cache(maxsize=16)
+def _tilt_directions(gravity: tuple[float, ...], n: int) -> FloatArray:
+    pull = np.array(gravity)
     up = -pull / np.linalg.norm(pull)
     axis = np.zeros(3)
     # As in the pyramids, so that the tilts of a flat contact point along edges.
@@ -109,6 +115,7 @@ def tilt_directions(gravity: ArrayLike = GRAVITY, n: int = N_DIRECTIONS) -> Floa
     second = np.cross(up, first)
     angles = 2.0 * np.pi * np.arange(n) / n
     directions: FloatArray = np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second
+    directions.setflags(write=False)
     return directions
 
 

@@ -91,7 +91,7 @@ def settles(
     contacts: Contacts,
     com: ArrayLike,
     new: int,
-    tilts: ArrayLike = (0.0, 0.0, 0.0),
+    rule: MarginRule | None = None,
 ) -> bool:
     """Does an item stay where it is let go, all others held? See the head of this file.
 
@@ -100,38 +100,45 @@ def settles(
         contacts: of the item, or of the whole pile.
         com: (3,) centre of mass of the item, m.
         new: the item's body.
-        tilts: (3,) or (d, 3) horizontal pulls in units of gravity; it must stay under each.
+        rule: ask for a margin: with the rule's friction it must settle under each of its tilts, and move by half.
     """
-    gravity = np.asarray(checker.gravity, dtype=np.float64)
-    down = gravity / np.linalg.norm(gravity)
-    rows = contact_rows(contacts, com, new)
-    loads = np.zeros((np.size(tilts) // 3, 6))
-    loads[:, :3] = down + tilts
-    return all(_settle(rows, load, checker.mu) for load in loads)
+    if rule is None:
+        return _settles(checker, contacts, com, new, np.zeros((1, 3)), SETTLED)
+    weak = rule.weakened(checker)
+    return _settles(weak, contacts, com, new, rule.pulls(checker.gravity), SETTLED / 2.0)
 
 
 def settles_with(
     checker: StabilityChecker, contacts: Contacts, com: ArrayLike, new: int, rule: MarginRule | None
 ) -> bool:
-    """Does an item settle, and where a margin is asked for by the margin's friction under its tilts too?
-
-    Args:
-        checker: friction and gravity.
-        contacts: of the item, or of the whole pile.
-        com: (3,) centre of mass of the item, m.
-        new: the item's body.
-        rule: the margin; None asks for none.
-    """
+    """Does an item settle, and with the rule's margin too where there is a rule? As :func:`settles`."""
     return settles(checker, contacts, com, new) and (
-        rule is None or settles(rule.weakened(checker), contacts, com, new, rule.pulls(checker.gravity))
+        rule is None or settles(checker, contacts, com, new, rule)
     )
 
 
-def _settle(rows: FloatArray, load: FloatArray, mu: float) -> bool:
+def _settles(
+    checker: StabilityChecker,
+    contacts: Contacts,
+    com: ArrayLike,
+    new: int,
+    tilts: FloatArray,
+    most: float,
+) -> bool:
+    """Under each of the horizontal pulls ``tilts``, (d, 3), in units of gravity."""
+    gravity = np.asarray(checker.gravity, dtype=np.float64)
+    down = gravity / np.linalg.norm(gravity)
+    rows = contact_rows(contacts, com, new)
+    loads = np.zeros((len(tilts), 6))
+    loads[:, :3] = down + tilts
+    return all(_rests(rows, load, checker.mu, most) for load in loads)
+
+
+def _rests(rows: FloatArray, load: FloatArray, mu: float, most: float) -> bool:
     motion = np.empty(6)
     for step in range(math.ceil(mu / _STEP - 1e-9), -1, -1):
         settle(rows, load, step * _STEP, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
-        if np.abs(motion).max() <= SETTLED:
+        if np.abs(motion).max() <= most:
             return True
     return False
 
@@ -158,7 +165,8 @@ def settled_tilt(
         high = min(tilt, least)
 
         def stays(degrees: float, way: FloatArray = direction) -> bool:
-            return settles(checker, contacts, com, new, math.tan(math.radians(degrees)) * way)
+            pull = math.tan(math.radians(degrees)) * way
+            return _settles(checker, contacts, com, new, pull[None], SETTLED)
 
         if stays(_TRUSTED * high):
             continue

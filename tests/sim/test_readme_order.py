@@ -1,0 +1,32 @@
+"""The order of the README in its box, planned as anybody would first: what stands in the plan stands in physics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import packenv as rp
+from packenv.items.catalogue import open_catalogue
+from packenv.items.shelf import ItemShelf
+from packenv.shipped import assets_dir
+from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
+from packenv.sim.world import WorldConfig
+from packenv.types import Container, Pose
+
+HELD = DropRule("held", shift=0.012, sink=0.012, turn=np.radians(30.0), nudge=0.012, restless=True)
+"""Gaps at the sides let an item slip by millimetres, and a duck may rock in its bowl; what hangs falls by
+centimetres."""
+
+
+def test_nothing_of_the_readmes_order_hangs() -> None:
+    plan = rp.plan(rp.load_order(assets_dir() / "orders" / "ten.csv"), Container(0.32, 0.32, 0.30))
+    shelf = ItemShelf(open_catalogue("builtin"))
+    test = DropTest(plan.container, WorldConfig())
+    pile: tuple[Lying, ...] = ()
+    for placement in plan.placements:
+        item, pose = shelf.physics[placement.item], Pose(placement.rotation, placement.position)
+        dropped = test.drop(pile, item, *pose, Release(height=0.0), HELD)
+        assert not dropped.reason, f"{placement.item} {dropped.reason}"
+        pile = dropped.pile
+    test.close()
+    assert len(pile) == 10
+    assert rp.verify(plan).ok
