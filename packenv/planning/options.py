@@ -109,9 +109,10 @@ class PlanOptions:
         own_constraints: further ones, each an object or ``module:name``.
         cell: robot, container's place and friction, as :func:`packenv.load_cell` gives or takes them; None is the
             TX90 with the container in front of it, as any that is equal to that becomes.
-        stability: ``paper``: equilibrium; ``cautious``: of that rather what also survives the margin rule
-            while all others are held, and what has no such place goes last; ``margin``: the whole pile also
-            survives it; ``physics``: equilibrium, and a drop in physics (:mod:`packenv.execution.physics_planner`).
+        stability: ``paper``: equilibrium; all others also ask that each item settles where it is let go
+            (:mod:`packenv.planning.stability.settling`). ``cautious``: of that rather what also survives the margin
+            rule while all others are held, and what has no such place goes last; ``margin``: the whole pile also
+            survives it; ``physics``: and a drop in physics (:mod:`packenv.execution.physics_planner`).
         contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
         heights: how low an item comes: ``map``: as the conservative heightmaps say (the paper); ``mesh``: until the
             surfaces touch, so nesting items nest; not with clearance.
@@ -152,9 +153,9 @@ class PlanOptions:
     stability: StabilityRule = _words(
         StabilityRule,
         "cautious",
-        "equilibrium; that, and rather what also stands under gravity tilted by 8 degrees with a friction of "
-        "0.25; only what does; or equilibrium and a drop in physics, after which the item must lie where it "
-        "was planned",
+        "equilibrium; all others: and each item settles where it is let go; cautious: rather where it also "
+        "stands under gravity tilted by 8 degrees with a friction of 0.25; margin: only where it does; physics: "
+        "and after a drop in physics the item lies where it was planned",
     )
     contacts: ContactRule = _words(
         ContactRule,
