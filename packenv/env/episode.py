@@ -21,8 +21,9 @@ from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.fitting import fitting_orientations
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.planning.search.orientations import OrientationMemory, fitting_orientations, perturbations
+from packenv.planning.search.orientations import OrientationMemory, perturbations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement, Pose
 

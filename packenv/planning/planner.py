@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from packenv.config import GridConfig
+from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
@@ -20,9 +20,9 @@ from packenv.planning.packing import Packing, Pile
 from packenv.planning.search.candidates import Candidates, grid_search
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.fitting import fitting_orientations
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
-from packenv.planning.search.orientations import fitting_orientations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
@@ -236,11 +236,7 @@ class _Run:
 
     def fits_alone(self, name: str) -> bool:
         """Whether any orientation that the planner would try fits the empty container."""
-        planner = self.planner
-        groups: Iterable[Sequence[OrientedItem]] = [self.orientations(name)]
-        if planner.perturbations is not None:
-            groups = itertools.chain(groups, planner.perturbations(name))
-        return any(self.fits(group) for group in groups if group)
+        return any(self.fits(group) for group in self.groups(name) if group)
 
     def fits(self, orientations: Sequence[OrientedItem]) -> bool:
         """Whether one of them has a place in the empty container."""
@@ -250,16 +246,23 @@ class _Run:
         """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""
         planner = self.planner
         if planner.search == "5d" and planner.perturbations is not None:
-            groups = [*planner.perturbations(piece.item)]
+            groups = self.groups(piece.item)
             return self.attempt(piece, [o for group in groups for o in group], "5d")
         return self.attempt(piece, self.orientations(piece.item), "first-pass")
 
     def orientations(self, name: str) -> tuple[OrientedItem, ...]:
-        """An item at its stable poses and yaws; at other yaws where it fits the empty container at none of these."""
+        """An item at its stable poses and yaws; turned or leaning where it fits the container at none of these."""
         item, shapes = self.items[name], self.planner.shapes
         if shapes is None:
             return item.orientations
         return fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
+
+    def groups(self, name: str) -> Iterator[Sequence[OrientedItem]]:
+        """What the planner tries of an item: :meth:`orientations`, then the perturbed ones."""
+        perturbed = self.planner.perturbations
+        yield self.orientations(name)
+        if perturbed is not None:
+            yield from itertools.islice(perturbed(name), 1, None)  # the first are the stable poses
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
@@ -267,7 +270,7 @@ class _Run:
         if planner.perturbations is None or planner.search == "5d":
             return rejections
         for tiers in strategy.fallback or (strategy.first,):
-            for k, group in enumerate(planner.perturbations(piece.item)):
+            for k, group in enumerate(self.groups(piece.item)):
                 route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
                 rejected = self.attempt(piece, group, route, rejections, asked)
                 if rejected is None:
@@ -377,27 +380,31 @@ class _Run:
 
     def leftover(self, item: PreparedItem, piece: Piece, rejections: Mapping[str, int]) -> Leftover:
         """Why an item is not in the plan."""
-        box = self.container.label
-        fitting = [oriented for oriented in self.orientations(item.name) if self.fits([oriented])]
+        box, largest = self.container.label, np.add(self.container.size, CLEARANCE)
+        groups = ([o for o in group if (o.extents <= largest).all()] for group in self.groups(item.name))
+        inside = next((group for group in groups if group), [])
+        fitting = [oriented for oriented in inside if self.fits([oriented])]
         objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
         words = sorted({word for word in objections if word is not None})
         if words == [NO_GRASP] and None not in objections:
             reason = "no-graspable-spot"
-            detail = f"{item.name} has no graspable spot in any stable pose that fits"
+            detail = f"{item.name} has no graspable spot in any orientation that fits"
         elif words and None not in objections:
             reason = "no-usable-orientation"
-            detail = f"every stable pose of {item.name} that fits is ruled out: {', '.join(words)}"
+            detail = f"every orientation of {item.name} that fits is ruled out: {', '.join(words)}"
         elif any(not reason.startswith(ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             reason = "no-packable-candidate"
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
-        elif fitting:
+        elif inside:
             reason = "no-legal-candidate"
-            detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
+            detail = f"no tried orientation of {item.name} is free of overlap and inside {box} any more"
         else:
             tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
             # To 10 µm, half of what is forgiven: no message says that 0.100 is larger than 0.1.
             size = " x ".join(f"{e:.5f}".rstrip("0") for e in tightest)
-            reason, rejections = "larger-than-container", {}
-            detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
+            reason, rejections, which = "larger-than-container", {}, "every orientation"
+            if self.planner.shapes is None:  # nobody looked at all rotations
+                reason, which = "no-fitting-orientation", "every tried orientation"
+            detail = f"{item.name} ({size} m) is larger than {box} in {which}"
         return Leftover(item.name, piece.instance, reason, detail, dict(rejections))

@@ -1,206 +1,130 @@
-"""Where a convex outline fits a container: every rotation is looked at, so "none" is a proof.
-
-Rotations are searched by subdivision: a cell of rotations is dropped once no rotation of it can fit. What is left
-falls into regions; of each the rotation with most room is given, and the one at which gravity holds the item.
-"""
+"""Orientations of an item that fits a container at none of those that are tried of every item."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from packenv.config import CLEARANCE
-from packenv.types import FloatArray, IntArray
+from packenv.config import CLEARANCE, GridConfig
+from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.prepare import PreparedItem
+from packenv.geometry.transforms import yaw_rotation
+from packenv.planning.search.orientations import euler_zyx
+from packenv.planning.search.rotation_search import regions_of_fit
+from packenv.types import FloatArray, Item, OrientedItem, StablePose
 
-_START = 1 / 6
-"""Half the side of the first cells, in the coordinates of :func:`_rotations`."""
+_Asked = tuple[tuple[float, float, float], GridConfig]
 
-_RESOLVED = 1 / 96
-"""Half the side of a cell at which regions are told apart: rotations of a cell differ by at most 2°."""
+_KNOWN: WeakKeyDictionary[PreparedItem, dict[_Asked, tuple[OrientedItem, ...]]] = WeakKeyDictionary()
+"""Of each item that did not fit: containers and grids that were asked for last, and the orientations that fit."""
 
-_FINEST = 1 / 3072
-"""Half the side at which the search ends without an answer: 0.06°, half a millimetre at the ends of half a metre."""
+_MOST_KNOWN = 8
+"""Containers and grids of one item; each may keep two dozen heightmaps."""
 
-_MOST_CELLS = 40_000
-"""Of one level. Where more are left, the ones with the most room are looked at, and "none" is no proof."""
-
-_MOST_REGIONS = 6
-"""Those with the most room; each has four mirror places and may be kept at two rotations."""
-
-_BATCH = 2_000_000
-"""Numbers in one array of projected points."""
-
-_SLACK = 1e-4
-"""What a leaning item leaves to the walls, m: more than rounding, and contact for force balance."""
-
-_HALF_TURNS = np.array([np.diag(d) for d in ((1.0, 1, 1), (-1, -1, 1), (1, -1, -1), (-1, 1, -1))])
-"""(4, 3, 3) about the container's axes: they change no extent."""
+_YAW_STEP = math.radians(0.25)
 
 
-def regions_of_fit(points: FloatArray, com: FloatArray, size: tuple[float, float, float]) -> FloatArray:
-    """Rotations at which a convex item fits a container: for every region of them, a few.
+def fitting_orientations(
+    prepared: PreparedItem, shape: Item, grid: GridConfig, size: tuple[float, float, float]
+) -> tuple[OrientedItem, ...]:
+    """An item at its stable poses and yaws; where it fits the container at none of these, where it does fit.
 
-    Given are, of every region, the rotation with the lowest centre of mass, to which gravity takes the item until
-    walls hold it, and the one with the most room, which leaves the robot some; and the same after half a turn about
-    each axis of the container.
+    Those are its stable poses at other yaws, and only where there are none, leaning orientations. What no rotation
+    at all brings into the container is given at its stable poses and yaws.
 
     Args:
-        points: (n, 3) vertices of the hull, m.
-        com: (3,) centre of mass, same frame, m.
+        prepared: the item with its orientations.
+        shape: its mesh.
+        grid: the discretization.
         size: of the container, m.
-
-    Returns:
-        (k, 3, 3) mesh frame to container axes; none where the item fits at no rotation.
     """
-    room = _room(points, np.add(size, CLEARANCE))
-    found: list[FloatArray] = []
-    for seed in _seeds(points, np.add(size, CLEARANCE)):
-        roomy = _climbed(seed, room)
-        if room(roomy[None])[0] < 0.0:
+    largest = np.add(size, CLEARANCE)
+    if any((oriented.extents <= largest).all() for oriented in prepared.orientations):
+        return prepared.orientations
+    asked, known = (size, grid), _KNOWN.setdefault(prepared, {})
+    if asked not in known:
+        if len(known) == _MOST_KNOWN:
+            del known[next(iter(known))]
+        known[asked] = turned_to_fit(shape, prepared.poses, grid, size) or leaning_to_fit(
+            shape, prepared.poses, grid, size
+        )
+    return known[asked] or prepared.orientations
+
+
+def turned_to_fit(
+    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
+) -> tuple[OrientedItem, ...]:
+    """The stable poses at those yaws at which the item fits a container, where there are such yaws.
+
+    Of every range of yaws that fit, the one with most room is taken. Yaws are tried every quarter of a degree, and
+    four times as close where the item may fit in between.
+
+    Args:
+        item: the item.
+        poses: its stable poses that are tried.
+        grid: the cell size counts.
+        size: of the container, m.
+    """
+    outline = _outline(item)
+    coarse = np.arange(0.0, math.pi, _YAW_STEP)
+    between = (np.arange(4) - 1.5) / 4 * _YAW_STEP
+    found = []
+    for index, pose in enumerate(poses):
+        points = outline @ pose.rotation.T
+        if np.ptp(points[:, 2]) > size[2] + CLEARANCE:
             continue
-        for upside in (0, 2):  # half a turn about z leaves the centre of mass at its height
-            start = _HALF_TURNS[upside] @ roomy
-            low = _climbed(start, _lowness(points, com, room))
-            for rotation in (low, start):
-                for turn in _HALF_TURNS[:2]:
-                    if not any(np.abs(turn @ rotation - other).max() < 0.01 for other in found):
-                        found.append(turn @ rotation)
-    return np.array(found).reshape(-1, 3, 3)
+        # A step of half the distance moves each end of an extent by as much of the item's radius at most.
+        reach = float(np.linalg.norm(np.ptp(points[:, :2], axis=0))) * _YAW_STEP / 2
+        near = coarse[_room(points, coarse, size) >= -CLEARANCE - reach]
+        yaws = np.sort(np.concatenate([near, (near[:, None] + between).ravel()])) % math.pi
+        room = _room(points, yaws, size)
+        fits = np.flatnonzero(room >= -CLEARANCE)
+        gaps = np.flatnonzero(np.diff(yaws[fits]) > 1.01 * _YAW_STEP)
+        for ranges in np.split(fits, gaps + 1):
+            if len(ranges):
+                yaw = float(yaws[ranges[int(np.argmax(room[ranges]))]])
+                rotation = yaw_rotation(yaw) @ pose.rotation
+                found.append(orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw))
+    return tuple(found)
 
 
-def _rotations(points: FloatArray) -> FloatArray:
-    """(n, 3, 3) the rotations of (n, 3) points of the cube [-1, 1]³.
+def leaning_to_fit(
+    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
+) -> tuple[OrientedItem, ...]:
+    """The item at rotations at which it fits a container, stable poses or not; none where it never fits.
 
-    (x, y, z) stands for the quaternion (1, x, y, z): one of the four faces of the hypercube, which half turns about
-    the container's axes carry into each other. So the cube has every rotation once, but for those half turns.
+    Each counts as its nearest stable pose, at the yaw that is left, as of a line: from 0 up to π.
+
+    Args:
+        item: the item.
+        poses: its stable poses that are tried; at least one.
+        grid: the cell size counts.
+        size: of the container, m.
     """
-    q = np.column_stack([np.ones(len(points)), points])
-    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
+    up = np.array([pose.rotation[2] for pose in poses])
+    found = []
+    for rotation in regions_of_fit(_outline(item), item.com, size):
+        index = int(np.argmax(up @ rotation[2]))
+        yaw = euler_zyx(rotation @ poses[index].rotation.T)[0] % math.pi
+        found.append(orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw))
+    return tuple(found)
 
 
-def _turned(points: FloatArray, rotations: FloatArray) -> FloatArray:
-    """(n, 3, v) coordinates of (v, 3) points at (n, 3, 3) rotations."""
-    return (rotations.reshape(-1, 3) @ points.T).reshape(len(rotations), 3, -1)
+def _outline(item: Item) -> FloatArray:
+    """(n, 3) vertices of the convex hull, mesh frame, m."""
+    from scipy.spatial import ConvexHull  # a third of a second, and most orders need none
+
+    outline: FloatArray = item.vertices[ConvexHull(item.vertices).vertices]
+    return outline
 
 
-_Goal = Callable[[FloatArray], FloatArray]
-"""(n, 3, 3) rotations to (n,) numbers, the larger the better."""
-
-
-def _room(points: FloatArray, largest: FloatArray) -> _Goal:
-    def room(rotations: FloatArray) -> FloatArray:
-        turned = _turned(points, rotations)
-        least: FloatArray = (largest - np.ptp(turned, axis=2)).min(axis=1)
-        return least
-
+def _room(points: FloatArray, yaws: FloatArray, size: tuple[float, float, float]) -> FloatArray:
+    """(n,) what (v, 3) points leave free in x and y at (n,) yaws, the lesser of both, m."""
+    c, s = np.cos(yaws), np.sin(yaws)
+    x = np.outer(c, points[:, 0]) - np.outer(s, points[:, 1])
+    y = np.outer(s, points[:, 0]) + np.outer(c, points[:, 1])
+    room: FloatArray = np.minimum(size[0] - np.ptp(x, axis=1), size[1] - np.ptp(y, axis=1))
     return room
-
-
-def _lowness(points: FloatArray, com: FloatArray, room: _Goal) -> _Goal:
-    """How low the centre of mass is over the lowest point, where the item fits with some slack."""
-
-    def lowness(rotations: FloatArray) -> FloatArray:
-        down = rotations[:, 2]
-        height = down @ com - (down @ points.T).min(axis=1)
-        # What does not fit is worse than all that does, and the worse the less it fits.
-        spare = room(rotations) - CLEARANCE - _SLACK
-        value: FloatArray = np.where(spare >= 0.0, -height, spare * 1e3 - 1e3)
-        return value
-
-    return lowness
-
-
-def _climbed(start: FloatArray, goal: _Goal, tries: int = 64) -> FloatArray:
-    """(3, 3) a rotation near ``start`` at which a goal is best: random turns, smaller ones where none is better."""
-    rng = np.random.default_rng(0)
-    best, value, angle = start, float(goal(start[None])[0]), 0.05
-    while angle > 2e-5:
-        turned = _small_turns(rng.standard_normal((tries, 3)) * angle) @ best
-        values = goal(turned)
-        k = int(np.argmax(values))
-        if values[k] > value:
-            best, value, angle = turned[k], float(values[k]), angle * 1.25
-        else:
-            angle *= 0.6
-    return best
-
-
-def _small_turns(vectors: FloatArray) -> FloatArray:
-    """(n, 3, 3) turns about (n, 3) vectors by their lengths, of less than half a turn; half angles by tangent."""
-    lengths = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-    return _rotations(vectors / lengths * np.tan(np.minimum(lengths, 3.0) / 2))
-
-
-def _seeds(points: FloatArray, largest: FloatArray) -> list[FloatArray]:
-    """Of every region of cells that may fit, the rotation with the most room, at most some regions."""
-    half = _START
-    axis = np.arange(-1 + half, 1, 2 * half)
-    centres = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    while True:
-        room, open_ = _examined(points, largest, centres, half)
-        centres, room = centres[open_], room[open_]
-        if len(centres) > _MOST_CELLS:
-            most = np.sort(np.argsort(-room, kind="stable")[:_MOST_CELLS])
-            centres, room = centres[most], room[most]
-        fits = bool((room >= 0.0).any())
-        if not len(centres) or half <= (_RESOLVED if fits else _FINEST):
-            break
-        if fits and 8 * len(centres) > _MOST_CELLS:
-            break
-        half /= 2
-        corners = np.stack(np.meshgrid(*[[-half, half]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        centres = (centres[:, None] + corners).reshape(-1, 3)
-    if not len(centres):
-        return []
-    labels = _regions(centres, half)
-    by_room = np.argsort(-room, kind="stable")
-    _, first = np.unique(labels[by_room], return_index=True)
-    best = by_room[np.sort(first)[:_MOST_REGIONS]]
-    return list(_rotations(centres[best]))
-
-
-def _examined(
-    points: FloatArray, largest: FloatArray, centres: FloatArray, half: float
-) -> tuple[FloatArray, FloatArray]:
-    """(n,) room at the centres of cells, m, and (n,) whether any rotation of the cell may fit.
-
-    The two vertices p, q that span an extent e at the centre, |p - q| = d, span at least
-    e cos θ - √(d² - e²) sin θ at any rotation within the angle θ.
-    """
-    # The cube's point v stands for (1, v) / |(1, v)|: a step of s from v turns by at most 2 s / |(1, v)| there.
-    reach = half * math.sqrt(3)
-    nearest = np.maximum(np.sqrt(1 + (centres**2).sum(axis=1)) - reach, 1.0)
-    angle = np.minimum(2 * reach / nearest, math.pi / 2)[:, None]
-    room, open_ = np.empty(len(centres)), np.empty(len(centres), dtype=bool)
-    size = max(1, _BATCH // (3 * len(points)))
-    for k in range(0, len(centres), size):
-        part = slice(k, k + size)
-        turned = _turned(points, _rotations(centres[part]))
-        extents = np.ptp(turned, axis=2)
-        spans = points[turned.argmax(axis=2)] - points[turned.argmin(axis=2)]
-        across = np.sqrt(np.maximum((spans**2).sum(axis=2) - extents**2, 0.0))
-        least = extents * np.cos(angle[part]) - across * np.sin(angle[part])
-        room[part] = (largest - extents).min(axis=1)
-        open_[part] = (least <= largest).all(axis=1)
-    return room, open_
-
-
-def _regions(centres: FloatArray, half: float) -> IntArray:
-    """(n,) to which region each cell belongs; cells that share a corner are in one."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(centres).query_pairs(2.05 * half, p=np.inf, output_type="ndarray")
-    n = len(centres)
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    labels: IntArray = connected_components(graph, directed=False)[1]
-    return labels
