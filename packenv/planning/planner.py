@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +13,7 @@ from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
-from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
+from packenv.planning.inquiry import ORIENTATION, Inquiry, barrier, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.search.candidates import Candidates, grid_search
@@ -185,8 +184,10 @@ class _Run:
         pieces = pieces_of(sequence)
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
-        if self.start is None and (why := self.barrier(sequence)) is not None:
-            return self.given_up(pieces, why, "unreachable-container")
+        if self.start is None:
+            why = barrier(self.planner.constraints, (self.items[name] for name in dict.fromkeys(sequence)))
+            if why is not None:
+                return self.given_up(pieces, why, "unreachable-container")
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
@@ -220,15 +221,6 @@ class _Run:
             self.risk,
         )
 
-    def barrier(self, sequence: Sequence[str]) -> str | None:
-        """Why a constraint lets nothing into the empty container."""
-        # A box's diagonal is as tall as anything in it can be.
-        sizes = [np.linalg.norm(self.items[name].orientations[0].extents) for name in dict.fromkeys(sequence)]
-        found = (
-            constraint.barrier(float(max(sizes, default=0.0))) for constraint in self.planner.constraints
-        )
-        return next((why for why in found if why is not None), None)
-
     def given_up(self, pieces: Sequence[Piece], why: str, reason: str = "given-up") -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
         lost = tuple(Leftover(piece.item, piece.instance, reason, why) for piece in pieces)
@@ -258,11 +250,13 @@ class _Run:
         return fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
 
     def groups(self, name: str) -> Iterator[Sequence[OrientedItem]]:
-        """What the planner tries of an item: :meth:`orientations`, then the perturbed ones."""
-        perturbed = self.planner.perturbations
-        yield self.orientations(name)
-        if perturbed is not None:
-            yield from itertools.islice(perturbed(name), 1, None)  # the first are the stable poses
+        """What the planner tries of an item in the end: :meth:`orientations`, then the perturbed ones."""
+        perturbed, first = self.planner.perturbations, self.orientations(name)
+        if perturbed is None:
+            yield first
+            return
+        for k, group in enumerate(perturbed(name)):
+            yield first if k == 0 and first is not self.items[name].orientations else group
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
