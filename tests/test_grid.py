@@ -9,7 +9,7 @@ import gymnasium
 import pytest
 
 import packenv as rp
-from packenv.cli.main import main
+from packenv.cli import main
 from tests.shapes import box
 
 FLAGS = {"cell_size": "--cell-size", "grid_step": "--grid-step", "n_poses": "--poses", "n_yaws": "--yaws"}
