@@ -31,7 +31,7 @@ _MOST = 48
 _REACH = 0.05
 """A place is worth a look where the maps say that the item would stand out by less, m: meshes nest deeper.
 
-On a wall that is 12 times as steep as 45°, maps of 2 mm cells are off by so much."""
+On a wall that rises 12 mm per mm, maps of 2 mm cells are off by so much."""
 
 
 @dataclass(frozen=True, eq=False)
