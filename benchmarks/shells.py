@@ -20,9 +20,9 @@ SIDES = 48
 """Of a round cross-section: a multiple of 8, so that facets of items at yaws of 45 degrees are aligned."""
 
 
-def polygon(radius: float) -> FloatArray:
+def polygon(radius: float, sides: int = SIDES) -> FloatArray:
     """A regular polygon with this radius of its corners, one of them on the x axis."""
-    angles = np.arange(SIDES) * (2.0 * math.pi / SIDES)
+    angles = np.arange(sides) * (2.0 * math.pi / sides)
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 

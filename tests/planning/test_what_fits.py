@@ -126,6 +126,14 @@ def test_nesting_cups_are_packed_into_one_another(constraints: str) -> None:
     assert plan.complete, [left.detail for left in plan.leftovers]
 
 
+@pytest.mark.parametrize("constraints", ["stability", "robot"])
+def test_nested_cups_are_held_by_those_below(constraints: str) -> None:
+    plan = packed({"cup": CUP.item("cup")}, {"cup": 6}, (0.09, 0.09, 0.2), constraints=constraints)
+    assert plan.complete, [left.rejections for left in plan.leftovers]
+    bottoms = np.array([p.corner[2] for p in plan.placements])
+    assert np.diff(bottoms) == pytest.approx(CUP.pitch, abs=1e-5)
+
+
 PITCHES = {"bowl": 0.0111, "party_cup": 0.0176, "storage_tray": 0.0171}
 """Of built-in items by an exact distance of meshes (FCL), m, to 0.05 mm."""
 
