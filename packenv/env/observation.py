@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from packenv.env.config import PackConfig
 from packenv.planning.options import heuristic_label
+from packenv.planning.search.container_map import cells_across
 from packenv.types import Container, Float32Array, FloatArray
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class Observer:
         self.config = config
         self.largest = tuple(max(size[axis] for size in config.containers) for axis in range(3))
         grid = config.grid
-        cells = [math.floor(s / grid.cell_size + 1e-9) for s in self.largest[:2]]
+        cells = cells_across(self.largest, grid.cell_size)
         self.pixels = tuple(max(1, math.ceil(n / config.map_step)) for n in cells)
         steps = [n // grid.step_cells + 1 for n in cells]
         own = [heuristic_label(given) for given in config.heuristics]

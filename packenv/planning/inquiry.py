@@ -20,12 +20,13 @@ ORIENTATION = "orientation-"
 """Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
 
 Question: TypeAlias = tuple[bytes, int, int]
-"""A candidate of one item on one pile: its rotation, and the cells of its smallest x and y."""
+"""A candidate of one item on one pile: its rotation, and its smallest x and y in µm."""
 
 
-def question(oriented: OrientedItem, ix: int, iy: int) -> Question:
+def question(trial: Trial) -> Question:
     """What a candidate is remembered by: its lowest z follows from these."""
-    return oriented.rotation.tobytes(), ix, iy
+    x, y, _ = trial.corner.tolist()
+    return trial.oriented.rotation.tobytes(), round(x * 1e6), round(y * 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class Inquiry:
         """
         if rules is not None:
             return self._ask(trial, rules)
-        asked = question(trial.oriented, trial.ix, trial.iy)
+        asked = question(trial)
         known = self._answers.get(asked)
         if known is None:
             known = self._answers[asked] = self._remembered(trial)
@@ -139,7 +140,7 @@ class Inquiry:
         if answer.ok and len(answer.verdicts) < len(self.constraints):
             answer = self._ask(trial, self.constraints)
         if not answer.ok:
-            raise ValueError(f"the candidate at cells {trial.ix}, {trial.iy} does not pass all constraints")
+            raise ValueError(f"the candidate at {trial.corner.tolist()} does not pass all constraints")
         return answer.verdicts
 
     def refused(self, rules: Sequence[Constraint]) -> Iterator[Question]:
@@ -161,7 +162,7 @@ class Inquiry:
         return answer
 
     def _ask(self, trial: Trial, rules: Sequence[Constraint]) -> Answer:
-        asked = question(trial.oriented, trial.ix, trial.iy)
+        asked = question(trial)
         verdicts: list[Verdict] = []
         for rule, state in zip(rules, self.pile.states, strict=True):
             _, known = self._known.setdefault(id(rule), (rule, {}))

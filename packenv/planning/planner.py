@@ -10,26 +10,31 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from packenv.config import GridConfig
+from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP
+from packenv.planning.options import Places
 from packenv.planning.packing import Packing, Pile
-from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.candidates import Candidates, grid_search, ranked
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
 from packenv.planning.search.orientations import fitting_orientations
+from packenv.planning.search.places import ExactPlaces
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
-from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
+from packenv.planning.tiers import Strategy, Tier, in_tier, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
+
+_ROWS = 2
+"""Orientations at which equal items are tried side by side."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -54,6 +59,8 @@ class Planner:
         release: how far above its place an item is let go, m.
         shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
             where the heightmaps say, as the paper does.
+        places: whether places off the grid are candidates, too.
+        only: rotations, as bytes, of items that are tried at one orientation alone.
     """
 
     heuristic: Heuristic
@@ -67,6 +74,8 @@ class Planner:
     seed: int = 0
     release: float = RELEASE_HEIGHT
     shapes: Mapping[str, Item] | None = None
+    places: Places = "grid"
+    only: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check.
@@ -141,6 +150,10 @@ class Planner:
             again = replace(self, strategy=replace(strategy, first=first))
             last = _Run(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
+        if strategy.restarts and best.improvable and not self.only:
+            for only in self.in_rows(best, given, items, container):
+                found = _Run(replace(self, only=only), items, container, start).pack(given)
+                best = max(best, found, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable:
                 break
@@ -149,6 +162,38 @@ class Planner:
             if len(found.placements) > len(best.placements):
                 best = found
         return best
+
+    def in_rows(
+        self,
+        packing: Packing,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+    ) -> Iterator[Mapping[str, bytes]]:
+        """Orientations at which equal items, side by side, may fill the container better than a packing does.
+
+        A heuristic that looks at one item at a time mixes orientations, and leaves room at the ends of rows.
+
+        Args:
+            packing: left some of them over.
+            sequence: all item names.
+            items: every named item.
+            container: the box.
+        """
+        placed = Counter(placement.item for placement in packing.placements)
+        run = _Run(self, items, container)
+        room = np.add(container.size, CLEARANCE)
+        for name in dict.fromkeys(packing.lost):
+            if sequence.count(name) < 2:
+                continue
+            counts = {
+                tuple(oriented.extents.round(6)): (int(np.prod(room // oriented.extents)), oriented)
+                for oriented in reversed(run.orientations(name))
+            }
+            best = sorted(counts.values(), key=lambda found: -found[0])[:_ROWS]
+            for fit, oriented in best:
+                if fit > placed[name]:
+                    yield {name: oriented.rotation.tobytes()}
 
 
 def _goodness(packing: Packing) -> tuple[int, float]:
@@ -257,9 +302,11 @@ class _Run:
     def orientations(self, name: str) -> tuple[OrientedItem, ...]:
         """An item at its stable poses and yaws; at other yaws where it fits the empty container at none of these."""
         item, shapes = self.items[name], self.planner.shapes
-        if shapes is None:
-            return item.orientations
-        return fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
+        found = item.orientations
+        if shapes is not None:
+            found = fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
+        only = self.planner.only.get(name)
+        return found if only is None else tuple(o for o in found if o.rotation.tobytes() == only)
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
@@ -293,22 +340,41 @@ class _Run:
             candidates = grid_search(
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
-            if len(candidates) and self.among(candidates, tier, piece, route, inquiry):
+            scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
+            if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
+                finder = ExactPlaces(planner.heuristic, self.rng)
+                candidates, scores = finder.add(
+                    candidates,
+                    scores,
+                    self.pile.surface,
+                    possible,
+                    planner.grid.step_cells,
+                    self.most(tier),
+                )
+            if len(candidates) and self.among(candidates, scores, tier, piece, route, inquiry):
                 return None
         return inquiry.rejections
 
-    def among(self, candidates: Candidates, tier: Tier, piece: Piece, route: str, inquiry: Inquiry) -> bool:
+    def among(
+        self,
+        candidates: Candidates,
+        scores: FloatArray,
+        tier: Tier,
+        piece: Piece,
+        route: str,
+        inquiry: Inquiry,
+    ) -> bool:
         """Place the first candidate, in order of score, that no constraint refuses.
 
         Args:
             candidates: the legal ones.
+            scores: theirs.
             tier: which constraints are asked.
             piece: of the order.
             route: for the record.
             inquiry: knows the answers of earlier tiers on the same pile.
         """
         planner = self.planner
-        scores = planner.heuristic(candidates, self.rng)
         rules = tier.rules(planner.constraints)
         to_check: Iterable[int]
         if planner.search == "5d":
