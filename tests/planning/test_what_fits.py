@@ -39,7 +39,8 @@ ROWS_AND_LAYERS: dict[str, tuple[Item, int, Size]] = {
     "3 of 105 in 320": (box(0.105, 0.08, 0.06, "item"), 3, (0.32, 0.08, 0.06)),
     "12 of 105 x 80 in 320 x 320": (box(0.105, 0.08, 0.06, "item"), 12, (0.32, 0.32, 0.06)),
     "7 of 41 in 320": (box(0.041, 0.3, 0.05, "item"), 7, (0.32, 0.32, 0.06)),
-    "6 nested cups": (CUP.item("item"), 6, (0.09, 0.09, 0.2)),
+    "6 nested cups": (CUP.item("item"), 6, (0.09, 0.09, 0.19)),
+    "7 nested cups": (CUP.item("item"), 7, (0.09, 0.09, 0.2)),
 }
 
 
