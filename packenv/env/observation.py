@@ -257,7 +257,10 @@ class Observer:
         coms = np.array([o.com for o in oriented])
         z = found.z[chosen].astype(np.float64)
         assert view.current is not None
-        chances = [pose.probability for pose in view.current.poses]
+        poses = view.current.poses
+        # An item that fits in no other way leans; it counts as perturbed, as in the fallback.
+        resting = [o.rotation[2] @ poses[o.pose_index].rotation[2] > 1 - 1e-9 for o in oriented]
+        perturbed = view.perturbed | ~np.array(resting, dtype=bool)
         margins = [
             support_margin(view.heights, o.bottom, ix, iy, height, cell / 2, cell, o.com[0], o.com[1])
             for o, ix, iy, height in zip(
@@ -271,8 +274,8 @@ class Observer:
         rows[:, 4:7] = extents
         rows[:, 7] = [o.yaw for o in oriented]
         rows[:, 8] = [o.pose_index for o in oriented]
-        rows[:, 9] = 0.0 if view.perturbed else [chances[o.pose_index] for o in oriented]
-        rows[:, 10] = view.perturbed
+        rows[:, 9] = np.where(perturbed, 0.0, [poses[o.pose_index].probability for o in oriented])
+        rows[:, 10] = perturbed
         rows[:, 11] = z + coms[:, 2]
         rows[:, 12] = np.clip(margins, -SUPPORT_CLIP, SUPPORT_CLIP)
         best, worst = offered.scores.min(axis=0), offered.scores.max(axis=0)

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
+from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.packing import Pile
 from packenv.planning.sequence import Piece
@@ -181,6 +184,14 @@ def objection(constraints: Iterable[Constraint], oriented: OrientedItem) -> str 
     """The first constraint's word against a whole orientation; None where there is none."""
     found = (constraint.objection(oriented) for constraint in constraints)
     return next((reason for reason in found if reason is not None), None)
+
+
+def barrier(constraints: Iterable[Constraint], items: Iterable[PreparedItem]) -> str | None:
+    """Why a constraint lets none of some items into the empty container; None where none says so."""
+    # A box's diagonal is as tall as anything in it can be.
+    sizes = [float(np.linalg.norm(item.orientations[0].extents)) for item in items]
+    found = (constraint.barrier(max(sizes, default=0.0)) for constraint in constraints)
+    return next((why for why in found if why is not None), None)
 
 
 def place(

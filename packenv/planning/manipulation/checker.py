@@ -167,7 +167,7 @@ class ManipulationChecker:
         lowest = surface.bound(placed, ix, iy)
         if z < lowest - TOLERANCE:
             lowest = surface.lowest(placed, ix, iy, lowest)
-        return z < lowest - TOLERANCE
+        return bool(z < lowest - TOLERANCE)
 
     def _gripper_blocked(self, point: FloatArray, surface: ContainerMap) -> Reason | None:
         """What the tube meets between the release and the top; ``point`` is the lip's at the placement."""

@@ -194,8 +194,7 @@ class Candidates:
     def xy_sum(self) -> FloatArray:
         """(n,) X + Y of the corner, m: the tie-break of the scores."""
         if self.xy is not None:
-            total: FloatArray = self.xy.sum(axis=1)
-            return total
+            return np.asarray(self.xy.sum(axis=1), dtype=np.float64)
         cells: FloatArray = (self.ix + self.iy).astype(np.float64)
         return cells * self.cell_size
 

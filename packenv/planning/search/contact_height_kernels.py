@@ -230,7 +230,7 @@ def contact_height(  # type: ignore[no-untyped-def]
         lh: likewise along y.
         window: (4,) smallest x, y and largest x, y that count, m.
         lower: (m, 3, 3) lower faces of the item in its own frame, m.
-        lower_planes: (m, 3) of these, see :func:`planes_and_boxes`.
+        lower_planes: (m, 3) of these, see :func:`facing`.
         lower_boxes: (m, 6) likewise.
         lower_starts: (lw · lh + 1,) where the faces of each cell begin, of the item at the edge of its first one.
         lower_entries: indices of faces, in each cell the lowest first.

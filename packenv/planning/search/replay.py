@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from packenv.config import CLEARANCE
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
@@ -46,7 +47,7 @@ def replay(
         beyond = np.add([x, y], oriented.extents[:2]) - container.size[:2]
         if min(x, y) < -OUTSIDE or beyond.max() > OUTSIDE or not -1e-6 <= z <= container.height:
             raise ValueError(f"step {step} ({placement.item}) is not inside the container")
-        x, y = (max(0.0, c - max(0.0, b)) for c, b in zip((x, y), beyond.tolist(), strict=True))
+        x, y = (max(0.0, c - max(0.0, b - CLEARANCE)) for c, b in zip((x, y), beyond.tolist(), strict=True))
         surface = surface.with_item(*surface.locate(oriented, x, y), z)
         surfaces.append(surface)
     return tuple(surfaces)
