@@ -52,7 +52,9 @@ def wrong_rows(axis: int, pieces: int, lengths: int, seed: int) -> tuple[int, li
             length = int(rng.choice([length, length // size[0] * size[0]]))  # half of them whole multiples
             containers.append(Container(*map(float, np.insert(size[1:], axis, length) * TENTH)))
             answers.append(length // int(size[0]))
-        orders = [(c, ["brick"] * (n + 1)) for c, n in zip(containers, answers, strict=True)]
+        # One piece too many costs restarts, so it is asked for every fifth time.
+        counts = [n + (k % 5 == 0) for k, n in enumerate(answers)]
+        orders = [(c, ["brick"] * n) for c, n in zip(containers, counts, strict=True)]
         for k, packing in enumerate(packings({"brick": brick}, orders)):
             asked += 1
             placed = len(packing.placements)
@@ -64,7 +66,7 @@ def wrong_rows(axis: int, pieces: int, lengths: int, seed: int) -> tuple[int, li
 @pytest.mark.parametrize("axis", [0, 1, 2], ids="xyz")
 def test_a_row_holds_as_many_pieces_as_its_length_divided_by_theirs(axis: int) -> None:
     """In a container as wide and as high as one piece, to a tenth of a millimetre."""
-    asked, wrong = wrong_rows(axis, 15, 20, seed=1)
+    asked, wrong = wrong_rows(axis, 20, 20, seed=1)
     assert not wrong, f"{len(wrong)} of {asked} wrong: {wrong[:5]}"
 
 
@@ -106,14 +108,14 @@ def answers(instances: Sequence[Instance], options: PlanOptions = OPTIONS) -> It
 @pytest.mark.parametrize("kind", ["rows", "cubes", "nested", "angles"])
 def test_known_answers_are_found(kind: str) -> None:
     """Some of each kind of the benchmark, to the item."""
-    found = list(answers(known(kind, 14, seed=5)))
+    found = list(answers(known(kind, 12, seed=5)))
     wrong = [f"{placed} of {i.fits}: {i.label}" for i, placed in found if placed != i.fits]
     assert not wrong, "\n".join(wrong)
 
 
 def test_a_filled_container_holds_within_one_item_of_the_best_packing() -> None:
     """Filled until three items in a row find no place."""
-    found = list(answers(known("filled", 16, seed=6)))
+    found = list(answers(known("filled", 8, seed=6)))
     wrong = [f"{placed} of {i.fits}: {i.label}" for i, placed in found if abs(placed - i.fits) > 1]
     assert not wrong, "\n".join(wrong)
 
