@@ -7,7 +7,7 @@ import pytest
 
 import packenv as rp
 from packenv.config import CLEARANCE, GridConfig
-from packenv.planning.search.orientations import turned_to_fit
+from packenv.planning.search.fitting import turned_to_fit
 from packenv.types import StablePose
 from tests.shapes import box, cup
 
@@ -20,23 +20,6 @@ def packed(
     plan = rp.plan(rp.Order.of(*lines), rp.Container(*container), catalogue, margins=False, **words)
     assert rp.verify(plan, catalogue).ok
     return plan
-
-
-@pytest.mark.parametrize(
-    ("order", "container"),
-    [
-        ({"bowl": 3}, (0.17, 0.17, 0.12)),
-        ({"party_cup": 4}, (0.10, 0.10, 0.26)),
-        ({"plate": 6}, (0.30, 0.30, 0.30)),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, dict) else None,
-)
-@pytest.mark.parametrize("constraints", ["overlap", "robot"])
-def test_built_in_nesting_items_nest(
-    order: dict[str, int], container: tuple[float, float, float], constraints: str
-) -> None:
-    plan = packed(order, container, "builtin", constraints=constraints)
-    assert plan.complete, [left.detail for left in plan.leftovers]
 
 
 @pytest.mark.parametrize("taper", [0.6, 0.75, 0.9])
