@@ -6,7 +6,7 @@ Command line, experiments, benchmarks and a user's scripts all go this way::
 
     catalogue = rp.load_catalogue("builtin")
     order = rp.Order.of("mug", "bowl", "banana")
-    plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue, heuristic="hm")
+    plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue)
     assert rp.verify(plan, catalogue).ok
     execution = rp.execute(plan, catalogue, feel=True)
     rp.show(plan, "plan.html")
