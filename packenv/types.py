@@ -198,7 +198,8 @@ class OrientedItem:
     """An item at one orientation with its conservative heightmaps.
 
     The *oriented frame* is the mesh frame rotated by ``rotation`` and shifted so that the smallest
-    x, y and z of the item are 0. Cell (i, j) is the square [i, i+1] × [j, j+1] in units of the cell size.
+    x, y and z of the item are 0. Cell (i, j) is the square [i, i+1] × [j, j+1] in units of the cell size, less
+    ``phase``.
 
     Attributes:
         item: name of the item.
@@ -211,6 +212,8 @@ class OrientedItem:
         top: (w, h) float32, largest z of the item over each whole cell, m; 0 outside the footprint.
         bottom: (w, h) float32, smallest z over each whole cell, m; +inf outside the footprint.
         cell_size: m.
+        phase: (2,) how far behind the edge of its first cell the item begins, less than a cell, m.
+        whole: the same with the item at the edge of its first cell; None where it is.
     """
 
     item: str
@@ -223,6 +226,8 @@ class OrientedItem:
     top: Float32Array
     bottom: Float32Array
     cell_size: float
+    phase: tuple[float, float] = (0.0, 0.0)
+    whole: OrientedItem | None = None
 
     @property
     def footprint(self) -> BoolArray:
@@ -322,9 +327,9 @@ class Leftover:
     Attributes:
         item: name of the item.
         instance: as in :class:`Placement`.
-        reason: a word for programs: ``larger-than-container``, ``unreachable-container``, ``no-legal-candidate``,
-            ``no-graspable-spot``, ``no-usable-orientation``, ``given-up`` (another item of the order found no
-            place) or, where legal candidates were rejected, ``no-packable-candidate``.
+        reason: a word for programs: ``larger-than-container``, ``no-fitting-orientation``, ``unreachable-container``,
+            ``no-legal-candidate``, ``no-graspable-spot``, ``no-usable-orientation``, ``given-up`` (another item of
+            the order found no place) or, where legal candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """

@@ -58,9 +58,12 @@ def _seconds(text: str) -> float:
 
 def _count(text: str) -> int:
     """A whole number of at least 0."""
-    value = int(text)
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
     if value < 0:
-        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 0")
     return value
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Inquiry, Memory
 from packenv.planning.packing import Pile
-from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.candidates import Candidates, grid_search, ranked
 from packenv.planning.search.heuristics import Heuristic
-from packenv.planning.tiers import ranked
 from packenv.types import BoolArray, FloatArray, IntArray, OrientedItem
 
 _TILES = 4

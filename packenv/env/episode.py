@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,15 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import constraints_of, heuristic_of
 from packenv.planning.constraints import Constraint
-from packenv.planning.inquiry import Memory, place
+from packenv.planning.inquiry import Memory, barrier, place
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.fitting import fitting_orientations
 from packenv.planning.search.heuristics import HEURISTICS
-from packenv.planning.search.orientations import OrientationMemory, fitting_orientations, perturbations
+from packenv.planning.search.orientations import OrientationMemory, perturbations
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement, Pose
 
@@ -64,11 +66,19 @@ class Rules:
         Under legality alone, without own constraints, the stable poses are all, as in the planner: heights
         only grow, so what fitted nowhere fits nowhere later.
         """
-        item = self.shelf.prepared[name]
+        item, first = self.shelf.prepared[name], self.orientations(name, container)
         if self.config.mask == "legal" and not self.config.own_constraints:
-            return iter((item.orientations,))
+            return iter((first,))
         shape, grid = self.shelf.shapes[name], self.config.grid
-        return perturbations(shape, item.poses, grid, container.size, self._maps)
+        groups = perturbations(shape, item.poses, grid, container.size, self._maps)
+        return groups if first is item.orientations else chain((first,), islice(groups, 1, None))
+
+    def orientations(self, name: str, container: Container) -> tuple[OrientedItem, ...]:
+        """The stable poses and yaws of an item; turned or leaning where it fits the container at none of these."""
+        prepared = self.shelf.prepared[name]
+        if self.config.heights == "map":
+            return prepared.orientations
+        return fitting_orientations(prepared, self.shelf.shapes[name], self.config.grid, container.size)
 
 
 class Episode:
@@ -92,6 +102,9 @@ class Episode:
             pieces_of(names), buffer=config.buffer if online else None, fallback=config.fallback
         )
         self.constraints = rules.constraints(container)
+        self.barrier = barrier(self.constraints, (self.shelf.prepared[name] for name in dict.fromkeys(names)))
+        if self.barrier is not None:
+            self.sequence.abandon()
         self.arrangement = self._arrangement()
         self.placements: list[Placement] = []
         self.outside: frozenset[int] = frozenset()
@@ -181,6 +194,9 @@ class Episode:
 
     def leftovers(self) -> tuple[Leftover, ...]:
         """The pieces that were left over."""
+        if self.barrier is not None:
+            reason = "unreachable-container"
+            return tuple(Leftover(p.item, p.instance, reason, self.barrier) for p in self.sequence.left_over)
         return tuple(
             Leftover(p.item, p.instance, "given-up", f"no candidate of {p.item} was taken")
             for p in self.sequence.left_over
@@ -256,17 +272,10 @@ class Episode:
                 self.sequence.defer()
             self._after_deferring()
 
-    def _fitting(self, name: str) -> tuple[OrientedItem, ...]:
-        prepared = self.shelf.prepared[name]
-        if self.config.heights == "map":
-            return prepared.orientations
-        shape, grid = self.shelf.shapes[name], self.config.grid
-        return fitting_orientations(prepared, shape, grid, self.container.size)
-
     def _orientations(self, piece: Piece) -> Sequence[OrientedItem] | None:
         """The next ones to try of a piece; None where there are no more."""
         if self.config.arrivals == "online" or self.sequence.stage == 0:
-            return self._fitting(piece.item)
+            return self.rules.orientations(piece.item, self.container)
         if piece != self._groups_of:
             self._groups_of = piece
             self._groups = iter(self.rules.groups(piece.item, self.container))

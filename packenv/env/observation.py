@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from packenv.env.config import PackConfig
 from packenv.planning.options import heuristic_label
+from packenv.planning.search.container_map import cells_across
 from packenv.types import Container, Float32Array, FloatArray
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class Observer:
         self.config = config
         self.largest = tuple(max(size[axis] for size in config.containers) for axis in range(3))
         grid = config.grid
-        cells = [math.floor(s / grid.cell_size + 1e-9) for s in self.largest[:2]]
+        cells = cells_across(self.largest, grid.cell_size)
         self.pixels = tuple(max(1, math.ceil(n / config.map_step)) for n in cells)
         steps = [n // grid.step_cells + 1 for n in cells]
         own = [heuristic_label(given) for given in config.heuristics]
@@ -256,7 +257,10 @@ class Observer:
         coms = np.array([o.com for o in oriented])
         z = found.z[chosen].astype(np.float64)
         assert view.current is not None
-        chances = [pose.probability for pose in view.current.poses]
+        poses = view.current.poses
+        # An item that fits in no other way leans; it counts as perturbed, as in the fallback.
+        resting = [o.rotation[2] @ poses[o.pose_index].rotation[2] > 1 - 1e-9 for o in oriented]
+        perturbed = view.perturbed | ~np.array(resting, dtype=bool)
         margins = [
             support_margin(view.heights, o.bottom, ix, iy, height, cell / 2, cell, o.com[0], o.com[1])
             for o, ix, iy, height in zip(
@@ -270,8 +274,8 @@ class Observer:
         rows[:, 4:7] = extents
         rows[:, 7] = [o.yaw for o in oriented]
         rows[:, 8] = [o.pose_index for o in oriented]
-        rows[:, 9] = 0.0 if view.perturbed else [chances[o.pose_index] for o in oriented]
-        rows[:, 10] = view.perturbed
+        rows[:, 9] = np.where(perturbed, 0.0, [poses[o.pose_index].probability for o in oriented])
+        rows[:, 10] = perturbed
         rows[:, 11] = z + coms[:, 2]
         rows[:, 12] = np.clip(margins, -SUPPORT_CLIP, SUPPORT_CLIP)
         best, worst = offered.scores.min(axis=0), offered.scores.max(axis=0)

@@ -136,6 +136,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._told: list[Placement] = []
         self._invalid_on_end = 0
         self._left_over_told = 0
+        self._warned: set[tuple[float, float, float]] = set()
         self._stage: Stage | None = None
         self._window: Window | None = None
 
@@ -289,6 +290,10 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._drawn = (order, container)
         self._actions, self._told, self._invalid_on_end, self._left_over_told = [], [], 0, 0
         self._episode = Episode(self.config, self._rules, container, order.items)
+        why = self._episode.barrier
+        if why is not None and container.size not in self._warned:
+            self._warned.add(container.size)
+            gymnasium.logger.warn(f"nothing can be packed, so the episode ends at its first step: {why}")
 
     def _observation(self) -> Observation:
         episode = self._running()

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+import numpy as np
+
+from packenv.config import CLEARANCE
 from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.manipulation import cup_kernels
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
@@ -147,15 +149,15 @@ def _still_good(
     It must lie as deep as planned, and nothing may have come nearer: at the release, and off by ``ASIDE``
     cells, it clears all that it was to clear.
     """
-    oriented = measured.cut(orient_item(mesh, placement.rotation, cell_size=measured.cell_size))
+    oriented = orient_item(mesh, placement.rotation, cell_size=measured.cell_size)
     x, y, z = (placement.position - oriented.offset).tolist()
-    ix, iy = round(x / measured.cell_size), round(y / measured.cell_size)
-    (w, h), (nx, ny) = oriented.bottom.shape, measured.heights.shape
-    if ix < 0 or iy < 0 or ix + w > nx or iy + h > ny:
+    beyond = np.add([x, y], oriented.extents[:2]) - measured.container.size[:2]
+    if min(x, y) < -CLEARANCE or beyond.max() > CLEARANCE:
         return False
+    oriented, ix, iy = measured.locate(oriented, max(x, 0.0), max(y, 0.0))
 
     def lowest(surface: ContainerMap) -> float:
-        return float(cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy))
+        return surface.bound(oriented, ix, iy)
 
     if abs(lowest(measured) - z) > DEEPER:
         return False

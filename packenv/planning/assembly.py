@@ -204,8 +204,9 @@ def assemble(
     )
     if options.constraints != "overlap" and options.stability == "cautious":
         strategy = _cautious(strategy, constraints, levels, options)
+    heuristic = heuristic_of(options)
     return Planner(
-        heuristic_of(options),
+        heuristic,
         options.grid,
         constraints,
         perturbed if wider else None,
@@ -216,6 +217,8 @@ def assemble(
         options.seed,
         options.setup.release_height,
         items.shapes if options.heights == "mesh" else None,
+        # FirstFit and Random are yardsticks: they know no better place than the next one.
+        "grid" if name_of(heuristic) in ("first-fit", "random") else options.places,
     )
 
 

@@ -30,7 +30,7 @@ class Trial:
     Attributes:
         oriented: the item at its orientation.
         ix: cell of its smallest x.
-        iy: cell of its smallest y.
+        iy: cell of its smallest y; where in these cells it begins, its phase tells.
         z: height of its lowest point, m.
     """
 
@@ -42,8 +42,8 @@ class Trial:
     @property
     def corner(self) -> FloatArray:
         """(3,) smallest x, y, z in the container frame, m."""
-        cell = self.oriented.cell_size
-        return np.array([self.ix * cell, self.iy * cell, self.z])
+        (dx, dy), cell = self.oriented.phase, self.oriented.cell_size
+        return np.array([self.ix * cell + dx, self.iy * cell + dy, self.z])
 
     @property
     def position(self) -> FloatArray:

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
+from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.packing import Pile
 from packenv.planning.sequence import Piece
@@ -20,12 +23,13 @@ ORIENTATION = "orientation-"
 """Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
 
 Question: TypeAlias = tuple[bytes, int, int]
-"""A candidate of one item on one pile: its rotation, and the cells of its smallest x and y."""
+"""A candidate of one item on one pile: its rotation, and its smallest x and y in µm."""
 
 
-def question(oriented: OrientedItem, ix: int, iy: int) -> Question:
+def question(trial: Trial) -> Question:
     """What a candidate is remembered by: its lowest z follows from these."""
-    return oriented.rotation.tobytes(), ix, iy
+    x, y, _ = trial.corner.tolist()
+    return trial.oriented.rotation.tobytes(), round(x * 1e6), round(y * 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +126,7 @@ class Inquiry:
         """
         if rules is not None:
             return self._ask(trial, rules)
-        asked = question(trial.oriented, trial.ix, trial.iy)
+        asked = question(trial)
         known = self._answers.get(asked)
         if known is None:
             known = self._answers[asked] = self._remembered(trial)
@@ -139,7 +143,7 @@ class Inquiry:
         if answer.ok and len(answer.verdicts) < len(self.constraints):
             answer = self._ask(trial, self.constraints)
         if not answer.ok:
-            raise ValueError(f"the candidate at cells {trial.ix}, {trial.iy} does not pass all constraints")
+            raise ValueError(f"the candidate at {trial.corner.tolist()} does not pass all constraints")
         return answer.verdicts
 
     def refused(self, rules: Sequence[Constraint]) -> Iterator[Question]:
@@ -161,7 +165,7 @@ class Inquiry:
         return answer
 
     def _ask(self, trial: Trial, rules: Sequence[Constraint]) -> Answer:
-        asked = question(trial.oriented, trial.ix, trial.iy)
+        asked = question(trial)
         verdicts: list[Verdict] = []
         for rule, state in zip(rules, self.pile.states, strict=True):
             _, known = self._known.setdefault(id(rule), (rule, {}))
@@ -180,6 +184,14 @@ def objection(constraints: Iterable[Constraint], oriented: OrientedItem) -> str 
     """The first constraint's word against a whole orientation; None where there is none."""
     found = (constraint.objection(oriented) for constraint in constraints)
     return next((reason for reason in found if reason is not None), None)
+
+
+def barrier(constraints: Iterable[Constraint], items: Iterable[PreparedItem]) -> str | None:
+    """Why a constraint lets none of some items into the empty container; None where none says so."""
+    # A box's diagonal is as tall as anything in it can be.
+    sizes = [float(np.linalg.norm(item.orientations[0].extents)) for item in items]
+    found = (constraint.barrier(max(sizes, default=0.0)) for constraint in constraints)
+    return next((why for why in found if why is not None), None)
 
 
 def place(

@@ -22,6 +22,7 @@ Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
 StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
 ContactRule: TypeAlias = Literal["surface", "paper"]
 HeightRule: TypeAlias = Literal["map", "mesh"]
+Places: TypeAlias = Literal["grid", "exact"]
 GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
@@ -121,6 +122,8 @@ class PlanOptions:
         contacts: ``surface``: what is at most 1.5 mm apart; ``paper``: what overlaps when scaled by 1.03.
         heights: how low an item comes: ``map``: as the conservative heightmaps say (the paper); ``mesh``: until the
             surfaces touch, so nesting items nest; not with clearance.
+        places: where an item is tried: ``grid``: at the translations of the grid (the paper); ``exact``: also flush
+            with walls and sides of placed items, and at every cell around the best; not with clearance.
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         search: ``3d`` with the fallback, or ``5d`` at once.
@@ -179,6 +182,12 @@ class PlanOptions:
         "mesh",
         "an item comes down as far as the conservative heightmaps say, or until the surfaces touch, so that nesting "
         "items nest",
+    )
+    places: Places = _words(
+        Places,
+        "exact",
+        "an item is tried at the translations of the grid alone, or also flush with walls and with the sides of "
+        "placed items, and at every cell around the best",
     )
     grasp: GraspRule = _words(
         GraspRule,
@@ -344,6 +353,7 @@ PAPER: Mapping[str, Any] = {
     "stability": "paper",
     "contacts": "paper",
     "heights": "map",
+    "places": "grid",
     "grasp": "paper",
     "search": "3d",
     "sequence": "volume",

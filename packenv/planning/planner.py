@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,26 +9,31 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from packenv.config import GridConfig
+from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
-from packenv.planning.inquiry import ORIENTATION, Inquiry, objection, place
+from packenv.planning.inquiry import ORIENTATION, Inquiry, barrier, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP
+from packenv.planning.options import Places
 from packenv.planning.packing import Packing, Pile
-from packenv.planning.search.candidates import Candidates, grid_search
+from packenv.planning.search.candidates import Candidates, grid_search, ranked
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.fitting import fitting_orientations
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
-from packenv.planning.search.orientations import fitting_orientations
+from packenv.planning.search.places import ExactPlaces
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
-from packenv.planning.tiers import Strategy, Tier, in_tier, ranked, still_open
+from packenv.planning.tiers import Strategy, Tier, in_tier, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
+
+_ROWS = 2
+"""Orientations at which equal items are tried side by side."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -54,6 +58,8 @@ class Planner:
         release: how far above its place an item is let go, m.
         shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
             where the heightmaps say, as the paper does.
+        places: whether places off the grid are candidates, too.
+        only: rotations, as bytes, of items that are tried at one orientation alone.
     """
 
     heuristic: Heuristic
@@ -67,6 +73,8 @@ class Planner:
     seed: int = 0
     release: float = RELEASE_HEIGHT
     shapes: Mapping[str, Item] | None = None
+    places: Places = "grid"
+    only: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check.
@@ -141,6 +149,10 @@ class Planner:
             again = replace(self, strategy=replace(strategy, first=first))
             last = _Run(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
+        if strategy.restarts and best.improvable and not self.only:
+            for only in self.in_rows(best, given, items, container):
+                found = _Run(replace(self, only=only), items, container, start).pack(given)
+                best = max(best, found, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable:
                 break
@@ -149,6 +161,38 @@ class Planner:
             if len(found.placements) > len(best.placements):
                 best = found
         return best
+
+    def in_rows(
+        self,
+        packing: Packing,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+    ) -> Iterator[Mapping[str, bytes]]:
+        """Orientations at which equal items, side by side, may fill the container better than a packing does.
+
+        A heuristic that looks at one item at a time mixes orientations, and leaves room at the ends of rows.
+
+        Args:
+            packing: left some of them over.
+            sequence: all item names.
+            items: every named item.
+            container: the box.
+        """
+        placed = Counter(placement.item for placement in packing.placements)
+        run = _Run(self, items, container)
+        room = np.add(container.size, CLEARANCE)
+        for name in dict.fromkeys(packing.lost):
+            if sequence.count(name) < 2:
+                continue
+            counts = {
+                tuple(oriented.extents.round(6)): (int(np.prod(room // oriented.extents)), oriented)
+                for oriented in reversed(run.orientations(name))
+            }
+            best = sorted(counts.values(), key=lambda found: -found[0])[:_ROWS]
+            for fit, oriented in best:
+                if fit > placed[name]:
+                    yield {name: oriented.rotation.tobytes()}
 
 
 def _goodness(packing: Packing) -> tuple[int, float]:
@@ -185,8 +229,10 @@ class _Run:
         pieces = pieces_of(sequence)
         if self.planner.give_up and sum(self.items[n].volume for n in sequence) > self.container.volume:
             return self.given_up(pieces, "the items' volume exceeds the container's")
-        if self.start is None and (why := self.barrier(sequence)) is not None:
-            return self.given_up(pieces, why, "unreachable-container")
+        if self.start is None:
+            why = barrier(self.planner.constraints, (self.items[name] for name in dict.fromkeys(sequence)))
+            if why is not None:
+                return self.given_up(pieces, why, "unreachable-container")
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
@@ -220,15 +266,6 @@ class _Run:
             self.risk,
         )
 
-    def barrier(self, sequence: Sequence[str]) -> str | None:
-        """Why a constraint lets nothing into the empty container."""
-        # A box's diagonal is as tall as anything in it can be.
-        sizes = [np.linalg.norm(self.items[name].orientations[0].extents) for name in dict.fromkeys(sequence)]
-        found = (
-            constraint.barrier(float(max(sizes, default=0.0))) for constraint in self.planner.constraints
-        )
-        return next((why for why in found if why is not None), None)
-
     def given_up(self, pieces: Sequence[Piece], why: str, reason: str = "given-up") -> Packing:
         """An empty packing: this container cannot hold the order, and nobody asks what else fits."""
         lost = tuple(Leftover(piece.item, piece.instance, reason, why) for piece in pieces)
@@ -236,11 +273,7 @@ class _Run:
 
     def fits_alone(self, name: str) -> bool:
         """Whether any orientation that the planner would try fits the empty container."""
-        planner = self.planner
-        groups: Iterable[Sequence[OrientedItem]] = [self.orientations(name)]
-        if planner.perturbations is not None:
-            groups = itertools.chain(groups, planner.perturbations(name))
-        return any(self.fits(group) for group in groups if group)
+        return any(self.fits(group) for group in self.groups(name) if group)
 
     def fits(self, orientations: Sequence[OrientedItem]) -> bool:
         """Whether one of them has a place in the empty container."""
@@ -250,16 +283,30 @@ class _Run:
         """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""
         planner = self.planner
         if planner.search == "5d" and planner.perturbations is not None:
-            groups = [*planner.perturbations(piece.item)]
+            groups = self.groups(piece.item)
             return self.attempt(piece, [o for group in groups for o in group], "5d")
         return self.attempt(piece, self.orientations(piece.item), "first-pass")
 
-    def orientations(self, name: str) -> tuple[OrientedItem, ...]:
-        """An item at its stable poses and yaws; at other yaws where it fits the empty container at none of these."""
+    def orientations(self, name: str) -> Sequence[OrientedItem]:
+        """What is tried of an item first: :meth:`fitting`, or the one of them that the planner allows."""
+        found, only = self.fitting(name), self.planner.only.get(name)
+        return found if only is None else [o for o in found if o.rotation.tobytes() == only]
+
+    def fitting(self, name: str) -> tuple[OrientedItem, ...]:
+        """An item at its stable poses and yaws; turned or leaning where it fits the container at none of these."""
         item, shapes = self.items[name], self.planner.shapes
         if shapes is None:
             return item.orientations
         return fitting_orientations(item, shapes[name], self.planner.grid, self.container.size)
+
+    def groups(self, name: str) -> Iterator[Sequence[OrientedItem]]:
+        """What is tried of an item in the end: :meth:`fitting`, then the perturbed orientations."""
+        perturbed, first = self.planner.perturbations, self.fitting(name)
+        if perturbed is None:
+            yield first
+            return
+        for k, group in enumerate(perturbed(name)):
+            yield first if k == 0 and first is not self.items[name].orientations else group
 
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
@@ -267,7 +314,7 @@ class _Run:
         if planner.perturbations is None or planner.search == "5d":
             return rejections
         for tiers in strategy.fallback or (strategy.first,):
-            for k, group in enumerate(planner.perturbations(piece.item)):
+            for k, group in enumerate(self.groups(piece.item)):
                 route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
                 rejected = self.attempt(piece, group, route, rejections, asked)
                 if rejected is None:
@@ -293,22 +340,41 @@ class _Run:
             candidates = grid_search(
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
-            if len(candidates) and self.among(candidates, tier, piece, route, inquiry):
+            scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
+            if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
+                finder = ExactPlaces(planner.heuristic, self.rng)
+                candidates, scores = finder.add(
+                    candidates,
+                    scores,
+                    self.pile.surface,
+                    possible,
+                    planner.grid.step_cells,
+                    self.most(tier),
+                )
+            if len(candidates) and self.among(candidates, scores, tier, piece, route, inquiry):
                 return None
         return inquiry.rejections
 
-    def among(self, candidates: Candidates, tier: Tier, piece: Piece, route: str, inquiry: Inquiry) -> bool:
+    def among(
+        self,
+        candidates: Candidates,
+        scores: FloatArray,
+        tier: Tier,
+        piece: Piece,
+        route: str,
+        inquiry: Inquiry,
+    ) -> bool:
         """Place the first candidate, in order of score, that no constraint refuses.
 
         Args:
             candidates: the legal ones.
+            scores: theirs.
             tier: which constraints are asked.
             piece: of the order.
             route: for the record.
             inquiry: knows the answers of earlier tiers on the same pile.
         """
         planner = self.planner
-        scores = planner.heuristic(candidates, self.rng)
         rules = tier.rules(planner.constraints)
         to_check: Iterable[int]
         if planner.search == "5d":
@@ -377,27 +443,31 @@ class _Run:
 
     def leftover(self, item: PreparedItem, piece: Piece, rejections: Mapping[str, int]) -> Leftover:
         """Why an item is not in the plan."""
-        box = self.container.label
-        fitting = [oriented for oriented in self.orientations(item.name) if self.fits([oriented])]
+        box, largest = self.container.label, np.add(self.container.size, CLEARANCE)
+        groups = ([o for o in group if (o.extents <= largest).all()] for group in self.groups(item.name))
+        inside = next((group for group in groups if group), [])
+        fitting = [oriented for oriented in inside if self.fits([oriented])]
         objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
         words = sorted({word for word in objections if word is not None})
         if words == [NO_GRASP] and None not in objections:
             reason = "no-graspable-spot"
-            detail = f"{item.name} has no graspable spot in any stable pose that fits"
+            detail = f"{item.name} has no graspable spot in any orientation that fits"
         elif words and None not in objections:
             reason = "no-usable-orientation"
-            detail = f"every stable pose of {item.name} that fits is ruled out: {', '.join(words)}"
+            detail = f"every orientation of {item.name} that fits is ruled out: {', '.join(words)}"
         elif any(not reason.startswith(ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             reason = "no-packable-candidate"
             detail = f"every checked candidate of {item.name} was rejected: {counts}"
-        elif fitting:
+        elif inside:
             reason = "no-legal-candidate"
-            detail = f"no tried pose of {item.name} is free of overlap and inside {box} any more"
+            detail = f"no tried orientation of {item.name} is free of overlap and inside {box} any more"
         else:
             tightest = min(item.orientations, key=lambda o: float(o.extents.prod())).extents
             # To 10 µm, half of what is forgiven: no message says that 0.100 is larger than 0.1.
             size = " x ".join(f"{e:.5f}".rstrip("0") for e in tightest)
-            reason, rejections = "larger-than-container", {}
-            detail = f"{item.name} ({size} m) is larger than {box} in every tried orientation"
+            reason, rejections, which = "larger-than-container", {}, "every orientation"
+            if self.planner.shapes is None:  # nobody looked at all rotations
+                reason, which = "no-fitting-orientation", "every tried orientation"
+            detail = f"{item.name} ({size} m) is larger than {box} in {which}"
         return Leftover(item.name, piece.instance, reason, detail, dict(rejections))

@@ -9,7 +9,7 @@ import numpy as np
 
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Question
-from packenv.planning.search.candidates import Candidates
+from packenv.planning.search.candidates import Candidates, place_code, place_codes, ranked
 from packenv.types import FloatArray, IntArray
 
 
@@ -89,27 +89,12 @@ def in_tier(
     return [int(k) for k in left[place < tier.each][:most]]
 
 
-def ranked(scores: FloatArray, most: int) -> IntArray:
-    """Indices of the ``most`` best candidates, best first; equal scores keep the candidates' order."""
-    if most == 1:
-        return np.array([np.argmin(scores)])
-    n = min(most, len(scores))
-    bound = np.partition(scores, n - 1)[n - 1]
-    best = np.flatnonzero(scores <= bound)
-    order: IntArray = best[np.argsort(scores[best], kind="stable")][:n]
-    return order
-
-
 def still_open(candidates: Candidates, refused: Iterable[Question]) -> IntArray:
     """Indices of the candidates that are not among the refused ones, ascending."""
     asked = list(refused)
     if not asked:
         return np.arange(len(candidates))
-    number = {grid.oriented.rotation.tobytes(): k for k, grid in enumerate(candidates.grids)}
-    places = [(number[rotation], ix, iy) for rotation, ix, iy in asked if rotation in number]
-    if not places:
-        return np.arange(len(candidates))
-    side = 1 + int(max(candidates.ix.max(), candidates.iy.max(), *(max(p[1:]) for p in places)))
-    codes = (candidates.grid_index * side + candidates.ix) * side + candidates.iy
-    barred = [(k * side + ix) * side + iy for k, ix, iy in places]
-    return np.flatnonzero(~np.isin(codes, barred))
+    numbers: dict[bytes, int] = {}
+    own = place_codes(candidates, numbers)
+    barred = [place_code(numbers[rotation], x, y) for rotation, x, y in asked if rotation in numbers]
+    return np.flatnonzero(~np.isin(own, barred))

@@ -148,14 +148,10 @@ def _reachable(
     checker: ManipulationChecker,
     grasp: GraspRule,
 ) -> bool:
-    oriented = surface.cut(orient_item(item, placement.rotation, cell_size=surface.cell_size))
+    oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
     grasps = generate_grasps(oriented, rule=grasp, radius=checker.cell.robot.gripper.radius)
-    try:
-        feasible = checker.check(oriented, corner, surface, grasps).feasible
-    except ValueError:  # off the grid: no planner placed it there, and no heightmap tells its way down
-        return False
-    if not feasible:
+    if not checker.check(oriented, corner, surface, grasps).feasible:
         return False
     return _stated_way_holds(placement, [corner + g.point for g in grasps], checker)
 

@@ -108,6 +108,7 @@ def compare(
         restarts=0,
         stability="paper",
         heights="map",  # the environment's default
+        places="grid",
         grid=GRID,
     )
     env = make_env(box, mask=MASKS[level], max_checked=checked, own_constraints=own)

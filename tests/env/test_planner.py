@@ -46,6 +46,7 @@ def planned(
         stability="paper",
         max_checked=most,
         heights=heights,
+        places="grid",  # as the environment has them
         grid=GRID,
     )
     return assemble(options, shelf, box).pack(by_box_volume(order, shelf.prepared), shelf.prepared, box)

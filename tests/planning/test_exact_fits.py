@@ -7,7 +7,7 @@ import pytest
 
 import packenv as rp
 from packenv.config import CLEARANCE, GridConfig
-from packenv.planning.search.orientations import turned_to_fit
+from packenv.planning.search.fitting import turned_to_fit
 from packenv.types import StablePose
 from tests.shapes import box, cup
 

@@ -82,7 +82,7 @@ def test_an_item_larger_than_the_container_says_so(items: dict[str, PreparedItem
     packing = _pack(["brick", "pole"], items)
     assert [p.item for p in packing.placements] == ["brick"]
     (left,) = packing.leftovers
-    assert (left.item, left.instance, left.reason) == ("pole", 1, "larger-than-container")
+    assert (left.item, left.instance, left.reason) == ("pole", 1, "no-fitting-orientation")
     assert "x 0.5 m) is larger than" in left.detail
 
 

@@ -114,7 +114,7 @@ class ManipulationChecker:
 
         Args:
             oriented: the item at its orientation.
-            corner: (3,) smallest x, y, z of the placed item in the container frame, m; x and y whole cells.
+            corner: (3,) smallest x, y, z of the placed item in the container frame, m.
             surface: the container heightmap before the item is placed.
             grasps: in the sequence in which they are tried.
 
@@ -122,14 +122,14 @@ class ManipulationChecker:
             the answer; where it is no, the reason.
 
         Raises:
-            ValueError: the corner is not finite or not on whole cells, the surface is not of the cell's
-                container, or the cell sizes differ.
+            ValueError: the corner is not finite, the surface is not of the cell's container, or the cell
+                sizes differ.
         """
         corner = np.asarray(corner, dtype=np.float64)
-        ix, iy = self._cells(oriented, corner, surface)
+        self._check(oriented, corner, surface)
         if not grasps:
             return ManipulationResult("no-grasp", None, None, None, 0)
-        if self._blocked(oriented, ix, iy, float(corner[2]), surface):
+        if self._blocked(oriented, corner, surface):
             return ManipulationResult("held-item-blocked", None, None, None, 0)
         if self._in_column:
             return ManipulationResult("link-collision", None, None, None, 0)
@@ -145,7 +145,7 @@ class ManipulationChecker:
             farthest = max(farthest, reason, key=REASONS.index)
         return ManipulationResult(farthest, None, None, None, len(grasps))
 
-    def _cells(self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap) -> tuple[int, int]:
+    def _check(self, oriented: OrientedItem, corner: FloatArray, surface: ContainerMap) -> None:
         size = surface.cell_size
         if oriented.cell_size != size:
             raise ValueError(f"the item's cells are {oriented.cell_size:g} m, the container's {size:g} m")
@@ -153,26 +153,21 @@ class ManipulationChecker:
             raise ValueError(
                 f"the surface is of {surface.container.label}, the robot cell of {self.cell.container.label}"
             )
-        x, y = float(corner[0]), float(corner[1])
-        if not math.isfinite(x + y + float(corner[2])):
+        if not math.isfinite(float(corner.sum())):
             raise ValueError(f"corner is {corner.tolist()}, give finite metres")
-        ix, iy = round(x / size), round(y / size)
-        if max(abs(x - ix * size), abs(y - iy * size)) > TOLERANCE:
-            raise ValueError(f"corner ({x:g}, {y:g}) is not on whole cells of {size:g} m")
-        return ix, iy
 
     @staticmethod
-    def _blocked(oriented: OrientedItem, ix: int, iy: int, z: float, surface: ContainerMap) -> bool:
+    def _blocked(oriented: OrientedItem, corner: FloatArray, surface: ContainerMap) -> bool:
         """Whether the held item meets walls, floor, rim or placed items at its place or above it."""
-        (w, h), (nx, ny) = oriented.bottom.shape, surface.heights.shape
-        if ix < 0 or iy < 0 or ix + w > nx or iy + h > ny:
+        x, y, z = corner.tolist()
+        beyond = corner + oriented.extents - surface.container.size
+        if min(x, y) < -TOLERANCE or (beyond > CLEARANCE + TOLERANCE).any():
             return True
-        if z + float(oriented.extents[2]) > surface.container.height + CLEARANCE:
-            return True
-        lowest = float(cup_kernels.lowest_z(surface.heights, oriented.bottom, ix, iy))
+        placed, ix, iy = surface.locate(oriented.whole or oriented, x, y)
+        lowest = surface.bound(placed, ix, iy)
         if z < lowest - TOLERANCE:
-            lowest = surface.lowest(oriented, ix, iy, lowest)
-        return z < lowest - TOLERANCE
+            lowest = surface.lowest(placed, ix, iy, lowest)
+        return bool(z < lowest - TOLERANCE)
 
     def _gripper_blocked(self, point: FloatArray, surface: ContainerMap) -> Reason | None:
         """What the tube meets between the release and the top; ``point`` is the lip's at the placement."""

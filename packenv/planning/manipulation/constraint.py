@@ -46,6 +46,7 @@ class ManipulationConstraint(Constraint):
 
     def grasps(self, oriented: OrientedItem) -> tuple[Grasp, ...]:
         """The grasps of an oriented item, generated once."""
+        oriented = oriented.whole or oriented
         grasps = self._grasps.get(oriented)
         if grasps is None:
             grasps = self._grasps[oriented] = generate_grasps(

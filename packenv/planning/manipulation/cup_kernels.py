@@ -69,20 +69,6 @@ def highest_under(heights, x, y, radius, cell):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def lowest_z(heights, bottom, ix, iy):  # type: ignore[no-untyped-def]
-    """Lowest height at which an item is above everything: max over its footprint of H_c - H_b, m.
-
-    The footprint must lie inside the map.
-    """
-    lowest = 0.0
-    w, h = bottom.shape
-    for i in range(w):
-        for j in range(h):
-            lowest = max(lowest, float(heights[ix + i, iy + j]) - float(bottom[i, j]))
-    return lowest
-
-
-@compiled
 def seal(top, bottom, ci, cj, cells, offsets, least, relief):  # type: ignore[no-untyped-def]
     """How an item's surface lies under the cup.
 

@@ -36,7 +36,8 @@ class FacesByCell:
         first: (ix, iy) of the first cell that has a list.
         shape: number of cells along x and y that have one.
         starts: (cells + 1,) where each cell's faces begin in ``entries``.
-        entries: indices of faces.
+        entries: indices of faces: in each cell the lowest first of those that look down, else the highest.
+        first_keys: (cells,) height of the first one, minus that where they look up, m; infinite without any.
     """
 
     corners: FloatArray
@@ -46,6 +47,39 @@ class FacesByCell:
     shape: tuple[int, int]
     starts: IntArray
     entries: IntArray
+    first_keys: FloatArray
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays."""
+        arrays = (self.corners, self.planes, self.boxes, self.starts, self.entries, self.first_keys)
+        return sum(array.nbytes for array in arrays)
+
+
+class _LowerFaces:
+    """Lower faces of the orientations that were asked for last; plan after plan asks for the same ones."""
+
+    def __init__(self, budget: int) -> None:
+        self._budget = budget
+        self._bytes = 0
+        self._kept: WeakKeyDictionary[OrientedItem, tuple[Item, FacesByCell]] = WeakKeyDictionary()
+
+    def of(self, item: Item, oriented: OrientedItem) -> FacesByCell:
+        """Those of an item at an orientation, made where they are not kept."""
+        known = self._kept.get(oriented)
+        if known is not None and known[0] is item:
+            return known[1]
+        faces = lower_faces(item, oriented)
+        self._bytes += faces.nbytes
+        if self._bytes > self._budget:
+            self._kept.clear()
+            self._bytes = faces.nbytes
+        self._kept[oriented] = item, faces
+        return faces
+
+
+_RECENT = _LowerFaces(2**28)
+"""Those of this process: a quarter of a gigabyte, some 200 orientations of scanned items."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,32 +89,31 @@ class ExactPile:
     Attributes:
         shapes: every item of the order by name, of the geometry that is planned with.
         faces: upper faces of the placed ones.
+        sides: (n, 4) their smallest x, y and largest x, y, m.
     """
 
     shapes: Mapping[str, Item]
     faces: tuple[FacesByCell, ...] = ()
-    _lower: WeakKeyDictionary[OrientedItem, FacesByCell] = field(
-        default_factory=WeakKeyDictionary, repr=False
-    )
-    _known: dict[tuple[bytes, int, int], float] = field(default_factory=dict, repr=False)
+    sides: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    _known: dict[tuple[bytes, int, int, tuple[float, float]], float] = field(default_factory=dict, repr=False)
 
     def lowest(self, heights: Float32Array, oriented: OrientedItem, ix: int, iy: int) -> float:
         """As :func:`contact_height`, each place once."""
-        place = (oriented.rotation.tobytes(), ix, iy)
+        place = (oriented.rotation.tobytes(), ix, iy, oriented.phase)
         found = self._known.get(place)
         if found is None:
-            faces = self._lower.get(oriented)
-            if faces is None:
-                faces = self._lower[oriented] = lower_faces(self.shapes[oriented.item], oriented)
+            whole = oriented.whole or oriented
+            faces = _RECENT.of(self.shapes[oriented.item], whole)
             found = self._known[place] = contact_height(heights, oriented, faces, ix, iy, self.faces)
         return found
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ExactPile:
-        """The pile with one more item, its bounding box's corner at whole cells and this height, m."""
-        cell = oriented.cell_size
-        position = oriented.offset + np.array([ix * cell, iy * cell, z])
-        placed = upper_faces(self.shapes[oriented.item], oriented.rotation, position, cell)
-        return replace(self, faces=(*self.faces, placed), _known={})
+        """The pile with one more item that begins in these cells and at this height, m."""
+        cell, (dx, dy) = oriented.cell_size, oriented.phase
+        corner = np.array([ix * cell + dx, iy * cell + dy, z])
+        placed = upper_faces(self.shapes[oriented.item], oriented.rotation, oriented.offset + corner, cell)
+        sides = np.concatenate([corner[:2], corner[:2] + oriented.extents[:2]])
+        return replace(self, faces=(*self.faces, placed), sides=np.vstack([self.sides, sides]), _known={})
 
 
 def lower_faces(item: Item, oriented: OrientedItem) -> FacesByCell:
@@ -91,8 +124,8 @@ def lower_faces(item: Item, oriented: OrientedItem) -> FacesByCell:
         oriented: its orientation, whose cells are meant.
     """
     points = item.vertices @ oriented.rotation.T + oriented.offset
-    corners = _facing(points, item.faces, down=True)
-    return _by_cell(corners, oriented.cell_size, (0, 0), oriented.bottom.shape)
+    shape = (oriented.bottom.shape[0], oriented.bottom.shape[1])
+    return _by_cell(points, item.faces, oriented.cell_size, (0, 0), shape, down=True)
 
 
 def upper_faces(item: Item, rotation: FloatArray, position: FloatArray, cell_size: float) -> FacesByCell:
@@ -108,7 +141,7 @@ def upper_faces(item: Item, rotation: FloatArray, position: FloatArray, cell_siz
     low, high = points.min(axis=0), points.max(axis=0)
     ix, iy = math.floor(low[0] / cell_size), math.floor(low[1] / cell_size)
     shape = (math.floor(high[0] / cell_size) - ix + 1, math.floor(high[1] / cell_size) - iy + 1)
-    return _by_cell(_facing(points, item.faces, down=False), cell_size, (ix, iy), shape)
+    return _by_cell(points, item.faces, cell_size, (ix, iy), shape, down=False)
 
 
 def contact_height(
@@ -124,7 +157,7 @@ def contact_height(
     Args:
         heights: (nx, ny) conservative container heightmap of the pile, m.
         oriented: the item at its orientation.
-        faces: its lower faces.
+        faces: its lower faces, by the cells of the item at the edge of its first cell.
         ix: cell of its smallest x.
         iy: cell of its smallest y.
         pile: upper faces of what lies in the container.
@@ -133,16 +166,19 @@ def contact_height(
         m, a multiple of the height quantum and no more than what the heightmaps say.
     """
     cell = oriented.cell_size
-    corner = np.array([ix * cell, iy * cell])
+    corner = np.array([ix * cell, iy * cell]) + oriented.phase
     window = np.concatenate([corner + SIDE, corner + oriented.extents[:2] - SIDE])
     best = 0.0
-    for placed in pile:
+    # The highest first: what lies below is then mostly out at once.
+    for placed in sorted(pile, key=lambda faces: float(faces.first_keys.min(initial=np.inf))):
         best = kernels.contact_height(
             heights,
             oriented.bottom,
             ix,
             iy,
             cell,
+            *oriented.phase,
+            *faces.shape,
             window,
             faces.corners,
             faces.planes,
@@ -154,6 +190,7 @@ def contact_height(
             placed.boxes,
             placed.starts,
             placed.entries,
+            placed.first_keys,
             *placed.first,
             *placed.shape,
             best,
@@ -161,24 +198,26 @@ def contact_height(
     return math.ceil((best + _ABOVE) / HEIGHT_QUANTUM) * HEIGHT_QUANTUM if best > 0.0 else 0.0
 
 
-def _facing(points: FloatArray, faces: IntArray, *, down: bool) -> FloatArray:
-    """(m, 3, 3) corners of the faces that look down, or up; upright ones are neither."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    sides = [np.hypot(*(q - p)[:, :2].T) for p, q in ((a, b), (b, c), (c, a))]
-    wide = np.abs(area) > kernels.THINNEST * np.maximum.reduce(sides)
-    chosen = wide & ((area < 0.0) if down else (area > 0.0))
-    return np.ascontiguousarray(np.stack([a, b, c], axis=1)[chosen])
-
-
-def _by_cell(corners: FloatArray, cell: float, first: tuple[int, int], shape: tuple[int, int]) -> FacesByCell:
-    origin = np.array([first[0] * cell, first[1] * cell, 0.0])
+def _by_cell(
+    points: FloatArray,
+    faces: IntArray,
+    cell: float,
+    first: tuple[int, int],
+    shape: tuple[int, int],
+    *,
+    down: bool,
+) -> FacesByCell:
+    corners, planes, boxes = (np.empty((len(faces), *own)) for own in ((3, 3), (3,), (6,)))
+    count = kernels.facing(points, faces, down, corners, planes, boxes)
+    corners, planes, boxes = corners[:count], planes[:count], boxes[:count]
+    local = corners - np.array([first[0] * cell, first[1] * cell, 0.0])
     starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
-    local = corners - origin
-    count = kernels.cells_of_faces(local, cell, *shape, starts, np.empty(0, dtype=np.int32))
-    entries = np.empty(count, dtype=np.int32)
-    if count:
+    entries = np.empty(
+        kernels.cells_of_faces(local, cell, *shape, starts, np.empty(0, dtype=np.int32)), dtype=np.int32
+    )
+    if len(entries):
         kernels.cells_of_faces(local, cell, *shape, starts, entries)
-    planes, boxes = np.empty((len(corners), 3)), np.empty((len(corners), 6))
-    kernels.planes_and_boxes(corners, planes, boxes)
-    return FacesByCell(corners, planes, boxes, first, shape, starts, entries)
+    keys = boxes[:, 2] if down else -boxes[:, 5]
+    first_keys = np.empty(shape[0] * shape[1])
+    kernels.sort_cells(starts, entries, keys, first_keys)
+    return FacesByCell(corners, planes, boxes, first, shape, starts, entries, first_keys)

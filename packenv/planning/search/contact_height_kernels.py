@@ -9,7 +9,7 @@ that they touch, and a cell whose heightmaps say that nothing in it can be highe
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import floor
+from math import floor, hypot
 from typing import Any
 
 import numpy as np
@@ -152,52 +152,94 @@ def face_over_face(lower, x, y, upper, window, best, one, two):  # type: ignore[
 
 
 @compiled
-def planes_and_boxes(corners, planes, boxes):  # type: ignore[no-untyped-def]
-    """What bounds a face without looking at its corners.
+def facing(points, faces, down, corners, planes, boxes):  # type: ignore[no-untyped-def]
+    """The faces that look down, or up, and what bounds each without looking at its corners; upright ones are neither.
 
     Args:
-        corners: (m, 3, 3) of faces, none upright, m.
-        planes: (m, 3), filled: z = p0 + p1 x + p2 y on the face.
-        boxes: (m, 6), filled: smallest x, y, z and largest x, y, z, m.
+        points: (v, 3) m.
+        faces: (m, 3) indices of points, counter-clockwise seen from outside.
+        down: whether those that look down are meant.
+        corners: (m, 3, 3), the first of them filled, m.
+        planes: (m, 3), likewise: z = p0 + p1 x + p2 y on the face.
+        boxes: (m, 6), likewise: smallest x, y, z and largest x, y, z, m.
+
+    Returns:
+        How many faces there are.
     """
-    for f in range(corners.shape[0]):
-        t = corners[f]
-        bx, by, bz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
-        cx, cy, cz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
+    found = 0
+    for f in range(faces.shape[0]):
+        a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
+        bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
         area = bx * cy - by * cx
-        planes[f, 1] = (bz * cy - cz * by) / area
-        planes[f, 2] = (cz * bx - bz * cx) / area
-        planes[f, 0] = t[0, 2] - planes[f, 1] * t[0, 0] - planes[f, 2] * t[0, 1]
+        if (area < 0.0) != down:
+            continue
+        longest = max(hypot(bx, by), hypot(cx, cy), hypot(cx - bx, cy - by))
+        if not abs(area) > THINNEST * longest:
+            continue
+        corners[found, 0], corners[found, 1], corners[found, 2] = a, b, c
+        planes[found, 1] = (bz * cy - cz * by) / area
+        planes[found, 2] = (cz * bx - bz * cx) / area
+        planes[found, 0] = a[2] - planes[found, 1] * a[0] - planes[found, 2] * a[1]
         for axis in range(3):
-            boxes[f, axis] = min(t[0, axis], t[1, axis], t[2, axis])
-            boxes[f, 3 + axis] = max(t[0, axis], t[1, axis], t[2, axis])
+            boxes[found, axis] = min(a[axis], b[axis], c[axis])
+            boxes[found, 3 + axis] = max(a[axis], b[axis], c[axis])
+        found += 1
+    return found
+
+
+@compiled
+def sort_cells(starts, entries, keys, first):  # type: ignore[no-untyped-def]
+    """Sort the faces of each cell by a key, the smallest first.
+
+    Args:
+        starts: (cells + 1,) where each cell's faces begin in ``entries``.
+        entries: indices of faces, sorted in place.
+        keys: (m,) of the faces.
+        first: (cells,) smallest key of each cell, filled; infinite where it has no face.
+    """
+    for k in range(starts.size - 1):
+        for a in range(starts[k] + 1, starts[k + 1]):
+            face = entries[a]
+            key = keys[face]
+            b = a
+            while b > starts[k] and keys[entries[b - 1]] > key:
+                entries[b] = entries[b - 1]
+                b -= 1
+            entries[b] = face
+        first[k] = keys[entries[starts[k]]] if starts[k + 1] > starts[k] else np.inf
 
 
 @compiled
 def contact_height(  # type: ignore[no-untyped-def]
-    heights, bottom, ix, iy, cell, window,
+    heights, bottom, ix, iy, cell, dx, dy, lw, lh, window,
     lower, lower_planes, lower_boxes, lower_starts, lower_entries,
-    upper, upper_planes, upper_boxes, upper_starts, upper_entries, ux, uy, uw, uh, best,
+    upper, upper_planes, upper_boxes, upper_starts, upper_entries, upper_first, ux, uy, uw, uh, best,
 ):  # fmt: skip
     """Lowest z at which an item meets one item of the pile, where it is above ``best``.
 
     Args:
         heights: (nx, ny) container heightmap, m.
-        bottom: (w, h) bottom heightmap of the item, m; infinite outside the footprint.
+        bottom: (w, h) bottom heightmap of the item at its phase, m; infinite outside the footprint.
         ix: cell of the item's smallest x.
         iy: cell of its smallest y.
         cell: cell size, m.
+        dx: how far behind the edge of its first cell the item begins along x, m.
+        dy: likewise along y.
+        lw: number of cells along x for which ``lower_starts`` has a list.
+        lh: likewise along y.
         window: (4,) smallest x, y and largest x, y that count, m.
         lower: (m, 3, 3) lower faces of the item in its own frame, m.
-        lower_planes: (m, 3) of these, see :func:`planes_and_boxes`.
+        lower_planes: (m, 3) of these, see :func:`facing`.
         lower_boxes: (m, 6) likewise.
-        lower_starts: (w · h + 1,) where the faces of each of its cells begin.
-        lower_entries: indices of faces.
+        lower_starts: (lw · lh + 1,) where the faces of each cell begin, of the item at the edge of its first one.
+        lower_entries: indices of faces, in each cell the lowest first.
         upper: (n, 3, 3) upper faces of the placed item in the container frame, m.
         upper_planes: (n, 3) of these.
         upper_boxes: (n, 6) likewise.
         upper_starts: (uw · uh + 1,) where the faces of each of these cells of the container begin.
-        upper_entries: indices of faces.
+        upper_entries: indices of faces, in each cell the highest first.
+        upper_first: (uw · uh,) minus the largest height in each cell, m.
         ux: first cell of the container that has a list.
         uy: likewise.
         uw: number of cells along x that have a list.
@@ -218,37 +260,44 @@ def contact_height(  # type: ignore[no-untyped-def]
     for i in range(i0, i1):
         for j in range(j0, j1):
             # Whole cells bound what lies in them, so most are out before a face is looked at.
-            bound = heights[ix + i, iy + j] - bottom[i, j]
             k = (ix + i - ux) * uh + iy + j - uy
-            if bound > best and upper_starts[k + 1] > upper_starts[k]:
+            bound = min(heights[ix + i, iy + j], -upper_first[k]) - bottom[i, j]
+            if bound > best:
                 bounds[count] = -bound
                 places[count] = i * h + j
                 count += 1
     one, two = np.empty((12, 3)), np.empty((12, 3))
-    x, y = ix * cell, iy * cell
+    x, y = ix * cell + dx, iy * cell + dy
+    # Behind the edge, a cell of the container meets the item's cell of the same number and the one before.
+    back_x, back_y = (1 if dx > 0.0 else 0), (1 if dy > 0.0 else 0)
     for at in np.argsort(bounds[:count]):
         if -bounds[at] <= best:
             break
         i, j = places[at] // h, places[at] % h
         k = (ix + i - ux) * uh + iy + j - uy
-        for a in range(lower_starts[i * h + j], lower_starts[i * h + j + 1]):
-            f = lower_entries[a]
-            low = lower_boxes[f]
-            for b in range(upper_starts[k], upper_starts[k + 1]):
-                g = upper_entries[b]
-                high = upper_boxes[g]
-                if high[5] - low[2] <= best:
-                    continue
-                x0, x1 = max(low[0] + x, high[0]), min(low[3] + x, high[3])
-                y0, y1 = max(low[1] + y, high[1]), min(low[4] + y, high[4])
-                if x0 > x1 or y0 > y1:
-                    continue
-                # The height over each other is linear where both are: its largest value over both boxes.
-                px, py = upper_planes[g, 1] - lower_planes[f, 1], upper_planes[g, 2] - lower_planes[f, 2]
-                bound = (
-                    upper_planes[g, 0] - lower_planes[f, 0] + lower_planes[f, 1] * x + lower_planes[f, 2] * y
-                )
-                bound += px * (x1 if px > 0.0 else x0) + py * (y1 if py > 0.0 else y0)
-                if bound > best:
-                    best = face_over_face(lower[f], x, y, upper[g], window, best, one, two)
+        for i_own in range(max(0, i - back_x), min(i + 1, lw)):
+            for j_own in range(max(0, j - back_y), min(j + 1, lh)):
+                own = i_own * lh + j_own
+                for a in range(lower_starts[own], lower_starts[own + 1]):
+                    f = lower_entries[a]
+                    low = lower_boxes[f]
+                    if -upper_first[k] - low[2] <= best:
+                        break
+                    for b in range(upper_starts[k], upper_starts[k + 1]):
+                        g = upper_entries[b]
+                        high = upper_boxes[g]
+                        if high[5] - low[2] <= best:
+                            break
+                        x0, x1 = max(low[0] + x, high[0], window[0]), min(low[3] + x, high[3], window[2])
+                        y0, y1 = max(low[1] + y, high[1], window[1]), min(low[4] + y, high[4], window[3])
+                        if x0 > x1 or y0 > y1:
+                            continue
+                        # Linear where both are: the largest value over both boxes bounds it.
+                        px = upper_planes[g, 1] - lower_planes[f, 1]
+                        py = upper_planes[g, 2] - lower_planes[f, 2]
+                        bound = upper_planes[g, 0] - lower_planes[f, 0]
+                        bound += lower_planes[f, 1] * x + lower_planes[f, 2] * y
+                        bound += px * (x1 if px > 0.0 else x0) + py * (y1 if py > 0.0 else y0)
+                        if bound > best:
+                            best = face_over_face(lower[f], x, y, upper[g], window, best, one, two)
     return best

@@ -9,12 +9,22 @@ from functools import cached_property
 import numpy as np
 
 from packenv.config import CLEARANCE, HEIGHT_QUANTUM
+from packenv.geometry.heightmaps import at_phase
 from packenv.planning.search import kernels
 from packenv.planning.search.contact_height import ExactPile
 from packenv.types import Container, Float32Array, FloatArray, OrientedItem
 
 _NOISE = 1e-9
-"""A container is this share of a cell short of a whole cell by rounding (0.3 / 0.1), not by its size."""
+"""A container is this share of a cell over a whole cell by rounding (0.3 / 0.1), not by its size."""
+
+ON_EDGE = 1e-6
+"""What begins less than this behind the edge of a cell begins at the edge, m."""
+
+
+def cells_across(size: tuple[float, ...], cell_size: float) -> tuple[int, int]:
+    """Cells of a container's map along x and y: the last ones may reach beyond its walls."""
+    x, y = (math.ceil(s / cell_size - _NOISE) for s in size[:2])
+    return x, y
 
 
 def _sub_grid(cells: int, step: int) -> int:
@@ -29,7 +39,7 @@ class ContainerMap:
     Attributes:
         container: the box.
         cell_size: m.
-        heights: (nx, ny) float32, m; only whole cells of the floor count.
+        heights: (nx, ny) float32, m; the last cells may reach beyond the walls.
         exact: the meshes that it bounds; None where they are not known or not asked.
     """
 
@@ -41,11 +51,11 @@ class ContainerMap:
     @classmethod
     def empty(cls, container: Container, cell_size: float, exact: ExactPile | None = None) -> ContainerMap:
         """The map of an empty container; with ``exact`` it keeps the meshes of what comes in."""
-        shape = tuple(math.floor(s / cell_size + _NOISE) for s in container.size[:2])
-        return cls(container, cell_size, np.zeros(shape, dtype=np.float32), exact)
+        heights = np.zeros(cells_across(container.size, cell_size), dtype=np.float32)
+        return cls(container, cell_size, heights, exact)
 
     def lowest(self, oriented: OrientedItem, ix: int, iy: int, bound: float) -> float:
-        """Height to which an item comes down at whole cells: by the meshes where they are known.
+        """Height to which an item comes down: by the meshes where they are known.
 
         Args:
             oriented: the item at its orientation.
@@ -57,19 +67,46 @@ class ContainerMap:
             return bound
         return min(bound, self.exact.lowest(self.heights, oriented, ix, iy))
 
+    def bound(self, oriented: OrientedItem, ix: int, iy: int) -> float:
+        """Height at which an item is above everything by the heightmaps, m; it must be inside the map."""
+        return float(kernels.lowest_at(self.heights, oriented.bottom, ix, iy))
+
     def cut(self, oriented: OrientedItem) -> OrientedItem:
         """An item as large as the container, without the cells beyond a wall that it reaches into by a hair.
 
         Any other item as it is.
         """
-        shape = np.array(oriented.top.shape)
-        cells = np.minimum(shape, self.heights.shape)
-        # On a floor that is no whole number of cells, the cell beyond is part of the floor.
-        beyond = oriented.extents[:2] - cells * oriented.cell_size
-        if (cells == shape).all() or (beyond[cells < shape] > CLEARANCE + HEIGHT_QUANTUM).any():
-            return oriented
-        kept = tuple(slice(n) for n in cells)
-        return replace(oriented, top=oriented.top[kept].copy(), bottom=oriented.bottom[kept].copy())
+        return self.locate(oriented, 0.0, 0.0)[0]
+
+    def locate(self, oriented: OrientedItem, x: float, y: float) -> tuple[OrientedItem, int, int]:
+        """An item at any place as these cells see it.
+
+        Args:
+            oriented: the item at the edge of its first cell.
+            x: its smallest x, m.
+            y: its smallest y, m.
+
+        Returns:
+            the item with maps for its place within a cell, without cells beyond the walls, and the cells of its
+            smallest x and y.
+        """
+        at, phase = [0, 0], [0.0, 0.0]
+        for axis, value in enumerate((x, y)):
+            at[axis] = math.floor((value + ON_EDGE) / self.cell_size)
+            inside = value - at[axis] * self.cell_size
+            phase[axis] = inside if inside > ON_EDGE else 0.0
+        if any(phase):
+            oriented = at_phase(oriented, (phase[0], phase[1]))
+        rooms = [n - i for n, i in zip(self.heights.shape, at, strict=True)]
+        beyond = np.add(at, oriented.top.shape) > self.heights.shape
+        # Less than a hair is beyond a wall, or the place is none.
+        far = np.add([x, y], oriented.extents[:2]) > np.add(
+            self.container.size[:2], CLEARANCE + HEIGHT_QUANTUM
+        )
+        if beyond.any() and not far.any() and min(rooms) > 0:
+            kept = tuple(slice(n) for n in rooms)
+            oriented = replace(oriented, top=oriented.top[kept].copy(), bottom=oriented.bottom[kept].copy())
+        return oriented, at[0], at[1]
 
     def with_item(self, oriented: OrientedItem, ix: int, iy: int, z: float) -> ContainerMap:
         """The map after an item is placed (paper Sec. IV-B, update rule, whose y + i is y + j).

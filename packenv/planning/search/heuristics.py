@@ -16,8 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from packenv.planning.search import kernels
-from packenv.planning.search.candidates import Candidates, TranslationGrid
+from packenv.planning.search.candidates import CandidateGroup, Candidates
 from packenv.types import FloatArray
 
 Heuristic: TypeAlias = Callable[[Candidates, np.random.Generator], FloatArray]
@@ -27,21 +26,14 @@ PAPER_CONSTANT = 1.0
 """c of the paper's HM and DBLF, with X and Y in metres."""
 
 
-def _gather(candidates: Candidates, evaluate: Callable[[TranslationGrid], FloatArray]) -> FloatArray:
-    """Evaluate every orientation's grid and keep the legal translations, in candidate order."""
-    if not candidates.grids:
-        return np.empty(0)
-    return np.concatenate([evaluate(grid)[grid.legal] for grid in candidates.grids])
+def _gather(candidates: Candidates, evaluate: Callable[[CandidateGroup], FloatArray]) -> FloatArray:
+    """Evaluate the legal candidates of every orientation, in candidate order."""
+    return np.concatenate([evaluate(group) for group in candidates.grids] or [np.empty(0)])
 
 
 @dataclass(frozen=True)
 class HeightmapMinimization:
     """HM (paper eq. 11): c · (X + Y) + Σ H'_c, the sum in metres over all cells of the container.
-
-    At the *lowest* Z no cell of the footprint can stay below the container's surface, since
-    Z + H_t ≥ Z + H_b ≥ H_c. So H'_c = Z + H_t on the whole footprint, and the sum is that of H_c plus
-    n Z + Σ H_t less the sum of H_c over the footprint, which row prefix sums give run by run instead of
-    cell by cell. The result is exact, not an approximation.
 
     Attributes:
         c: weight of X + Y, in metres: with the paper's 1 a tie-break, for the sum is over thousands of cells.
@@ -51,19 +43,10 @@ class HeightmapMinimization:
 
     def __call__(self, candidates: Candidates, rng: np.random.Generator) -> FloatArray:
         """(n,) scores, m."""
-        return self.c * candidates.xy_sum + _gather(candidates, _sum_after)
-
-
-def _sum_after(grid: TranslationGrid) -> FloatArray:
-    """Σ H'_c at every translation, m."""
-    surface, oriented = grid.surface, grid.oriented
-    starts, ends = np.empty((2, oriented.bottom.size), dtype=np.int64)
-    n = kernels.footprint_runs(oriented.bottom, surface.step, surface.rows, surface.stride, starts, ends)
-    covered = np.empty(grid.z.size)
-    kernels.footprint_sums(surface.prefix_sums, starts, ends, n, covered)
-    own = oriented.top.sum(dtype=np.float64)
-    total: FloatArray = surface.source.total + (grid.n_cells * grid.z.astype(np.float64) + own - covered)
-    return total
+        if not candidates.grids:
+            return np.empty(0)
+        before = candidates.grids[0].surface.source.total
+        return self.c * candidates.xy_sum + (before + _gather(candidates, lambda group: group.raised()))
 
 
 @dataclass(frozen=True)
@@ -90,22 +73,7 @@ def maximum_touching_area(candidates: Candidates, rng: np.random.Generator) -> F
     outside the footprint touches over the height that it shares with the filled column, or the wall, in
     that neighbour, and counts with that height times the cell size.
     """
-
-    def area(grid: TranslationGrid) -> FloatArray:
-        surface, oriented = grid.surface, grid.oriented
-        cell = oriented.cell_size
-        below, beside = np.empty((2, grid.z.size))
-        heights = surface.heights
-        kernels.touched_cells(heights, grid.offsets, grid.bottoms, grid.n_cells, grid.z, cell / 2, below)
-        own, neighbour = np.empty((2, 4 * oriented.bottom.size), dtype=np.int64)
-        n = kernels.side_cells(oriented.bottom, surface.step, surface.rows, surface.stride, own, neighbour)
-        flush = int(16.0 / surface.source.container.height)
-        tops, bottoms = oriented.top.ravel(), oriented.bottom.ravel()
-        kernels.touched_sides(heights, tops, bottoms, own, neighbour, n, grid.z, flush, beside)
-        total: FloatArray = -(below * cell**2 + beside * cell)
-        return total
-
-    return _gather(candidates, area)
+    return -_gather(candidates, lambda group: group.touched_area())
 
 
 def lowest_center_of_mass(candidates: Candidates, rng: np.random.Generator) -> FloatArray:

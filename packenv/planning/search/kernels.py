@@ -105,6 +105,20 @@ def side_cells(bottom, step, rows, stride, own, beside):  # type: ignore[no-unty
     return n
 
 
+@njit(cache=True, nogil=True)
+def lowest_at(heights, bottom, ix, iy):  # type: ignore[no-untyped-def]
+    """Lowest height at which an item at one place is above everything: max over its footprint of H_c - H_b, m.
+
+    The footprint must lie inside the map.
+    """
+    lowest = 0.0
+    w, h = bottom.shape
+    for i in range(w):
+        for j in range(h):
+            lowest = max(lowest, float64(heights[ix + i, iy + j]) - float64(bottom[i, j]))
+    return lowest
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def lowest_z(flat, offsets, bottoms, n, z):  # type: ignore[no-untyped-def]
     """Lowest collision-free height at every translation: max over the footprint of H_c - H_b.

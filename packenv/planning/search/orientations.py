@@ -12,7 +12,6 @@ import numpy as np
 
 from packenv.config import CLEARANCE, GridConfig
 from packenv.geometry.heightmaps import orient_item
-from packenv.geometry.prepare import PreparedItem
 from packenv.geometry.transforms import axis_rotation, yaw_rotation
 from packenv.types import FloatArray, Item, OrientedItem, StablePose
 
@@ -21,10 +20,6 @@ PERTURBATION = math.pi / 4
 
 MEMORY = 2**30
 """Bytes of heightmaps that :data:`RECENT` keeps; an item's whole grid takes 10 to 100 MB at 2 mm cells."""
-
-
-_TURNED: WeakKeyDictionary[PreparedItem, tuple[object, tuple[OrientedItem, ...]]] = WeakKeyDictionary()
-"""Of each item that did not fit: container and grid that were asked for last, and the orientations that fit."""
 
 
 def euler_zyx(rotation: FloatArray) -> tuple[float, float, float]:
@@ -72,61 +67,6 @@ def perturbations(
     for group in groups:
         fitting = [rotated for rotated in group if not np.any(rotated.extents > largest)]
         yield tuple(memory.orient(item, rotated, grid.cell_size) for rotated in fitting)
-
-
-def fitting_orientations(
-    prepared: PreparedItem, shape: Item, grid: GridConfig, size: tuple[float, float, float]
-) -> tuple[OrientedItem, ...]:
-    """An item at its stable poses and yaws; at other yaws where it fits the container at none of these.
-
-    Args:
-        prepared: the item with its orientations.
-        shape: its mesh.
-        grid: the discretization.
-        size: of the container, m.
-    """
-    largest = np.add(size, CLEARANCE)
-    if any((oriented.extents <= largest).all() for oriented in prepared.orientations):
-        return prepared.orientations
-    asked = (size, grid)
-    known = _TURNED.get(prepared)
-    if known is None or known[0] != asked:
-        known = _TURNED[prepared] = asked, turned_to_fit(shape, prepared.poses, grid, size)
-    return known[1] or prepared.orientations
-
-
-def turned_to_fit(
-    item: Item, poses: Sequence[StablePose], grid: GridConfig, size: tuple[float, float, float]
-) -> tuple[OrientedItem, ...]:
-    """The stable poses at those yaws at which the item fits a container, where there are such yaws.
-
-    Of every range of yaws that fit, tried every quarter of a degree, the one with most room is taken.
-
-    Args:
-        item: the item.
-        poses: its stable poses that are tried.
-        grid: the cell size counts.
-        size: of the container, m.
-    """
-    from scipy.spatial import ConvexHull
-
-    outline = item.vertices[ConvexHull(item.vertices).vertices]
-    yaws = np.arange(0.0, math.pi, math.radians(0.25))
-    found = []
-    for index, pose in enumerate(poses):
-        points = outline @ pose.rotation.T
-        if np.ptp(points[:, 2]) > size[2] + CLEARANCE:
-            continue
-        x = np.outer(np.cos(yaws), points[:, 0]) - np.outer(np.sin(yaws), points[:, 1])
-        y = np.outer(np.sin(yaws), points[:, 0]) + np.outer(np.cos(yaws), points[:, 1])
-        room = np.minimum(size[0] - np.ptp(x, axis=1), size[1] - np.ptp(y, axis=1))
-        fits = np.flatnonzero(room >= -CLEARANCE)
-        for ranges in np.split(fits, np.flatnonzero(np.diff(fits) > 1) + 1):
-            if len(ranges):
-                yaw = float(yaws[ranges[int(np.argmax(room[ranges]))]])
-                rotation = yaw_rotation(yaw) @ pose.rotation
-                found.append(orient_item(item, rotation, cell_size=grid.cell_size, pose_index=index, yaw=yaw))
-    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)

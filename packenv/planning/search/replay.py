@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from packenv.config import CLEARANCE
 from packenv.geometry.heightmaps import orient_item
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Item, Placement, Plan
+
+OUTSIDE = 1e-3
+"""So far beyond a wall an item may be and is still taken to lie against it, m."""
 
 
 def replay(
@@ -23,7 +29,7 @@ def replay(
     """Rebuild the heightmap after each placement, from the poses alone.
 
     Args:
-        placements: in packing sequence; smallest x and y on cell boundaries, as the planner leaves them.
+        placements: in packing sequence.
         items: the placed items by name.
         container: the box.
         cell_size: m.
@@ -36,15 +42,13 @@ def replay(
     surface = before or ContainerMap.empty(container, cell_size, ExactPile(items) if exact else None)
     surfaces = []
     for step, placement in enumerate(placements, start=1):
-        oriented = surface.cut(orient_item(items[placement.item], placement.rotation, cell_size=cell_size))
+        oriented = orient_item(items[placement.item], placement.rotation, cell_size=cell_size)
         x, y, z = (placement.position - oriented.offset).tolist()
-        rooms = [n - m for n, m in zip(surface.heights.shape, oriented.top.shape, strict=True)]
-        cells = [c / cell_size for c in (x, y)]
-        inside = all(-0.5 <= cell <= room + 0.5 for cell, room in zip(cells, rooms, strict=True))
-        if not (inside and -1e-6 <= z <= container.height):
+        beyond = np.add([x, y], oriented.extents[:2]) - container.size[:2]
+        if min(x, y) < -OUTSIDE or beyond.max() > OUTSIDE or not -1e-6 <= z <= container.height:
             raise ValueError(f"step {step} ({placement.item}) is not inside the container")
-        ix, iy = (min(max(round(cell), 0), room) for cell, room in zip(cells, rooms, strict=True))
-        surface = surface.with_item(oriented, ix, iy, z)
+        x, y = (max(0.0, c - max(0.0, b - CLEARANCE)) for c, b in zip((x, y), beyond.tolist(), strict=True))
+        surface = surface.with_item(*surface.locate(oriented, x, y), z)
         surfaces.append(surface)
     return tuple(surfaces)
 

@@ -22,6 +22,7 @@ from packenv.planning.manipulation.checker import (
 from packenv.planning.manipulation.grasps import Grasp, generate_grasps
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.kernels import lowest_at
 from packenv.robot.cell import RIM_CLEARANCE, Cell
 from packenv.robot.files import default_cell
 from packenv.robot.protocol import MAX_STEP
@@ -186,7 +187,7 @@ def test_compiled_kernels_equal_the_definitions(scenes) -> None:
         window = heights[ix : ix + w, iy : iy + h]
         if window.shape == (w, h):
             gap = (window - scene.oriented.bottom)[scene.oriented.footprint].max()
-            assert cup_kernels.lowest_z(scene.surface.heights, scene.oriented.bottom, ix, iy) == max(0.0, gap)
+            assert lowest_at(scene.surface.heights, scene.oriented.bottom, ix, iy) == max(0.0, gap)
         i, j = np.indices(heights.shape)
         for grasp in scene.grasps:
             x, y = (scene.corner + grasp.point)[:2]
@@ -447,7 +448,7 @@ def test_a_second_grasp_saves_what_the_first_cannot_reach() -> None:
 def test_a_cup_goes_into_a_cup() -> None:
     item = oriented_of(cup(0.045, 0.10))
     surface = empty().with_item(item, 50, 50, 0.0)
-    z = cup_kernels.lowest_z(surface.heights, item.bottom, 50, 50)
+    z = lowest_at(surface.heights, item.bottom, 50, 50)
     assert 0.0 < z < 0.09  # nested, not on the rim
     found = check(item, (0.1, 0.1, z), surface)
     assert found.feasible
@@ -489,8 +490,6 @@ def test_the_flange_does_not_fit_into_a_deep_held_item() -> None:
 
 def test_questions_that_make_no_sense_are_refused() -> None:
     item = oriented_of(box(0.06, 0.06, 0.04))
-    with pytest.raises(ValueError, match="not on whole cells"):
-        check(item, (0.101, 0.1, 0.0))
     with pytest.raises(ValueError, match="finite"):
         check(item, (np.nan, 0.1, 0.0))
     with pytest.raises(ValueError, match="robot cell"):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from packenv.planning.manipulation.cup_kernels import lowest_z
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.kernels import lowest_at as lowest_z
 from tests.planning.search.random_maps import CELL, random_oriented, random_surface
 
 PLAY = 0.01

@@ -12,9 +12,9 @@ import trimesh
 from packenv.config import HEIGHT_QUANTUM
 from packenv.geometry.heightmaps import orient_item
 from packenv.items.catalogue import open_catalogue
-from packenv.planning.manipulation.cup_kernels import lowest_z
 from packenv.planning.search.contact_height import FacesByCell, contact_height, lower_faces, upper_faces
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.kernels import lowest_at as lowest_z
 from packenv.types import Container, FloatArray, Item, OrientedItem, Placement, Plan
 from packenv.verification.exact_meshes import audit_plan
 from tests.geometry_samples import random_rotation
