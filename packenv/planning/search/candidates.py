@@ -187,16 +187,14 @@ class Candidates:
         """(n, 2) smallest x and y of each candidate, m."""
         if self.xy is not None:
             return self.xy
-        places: FloatArray = np.column_stack([self.ix, self.iy]) * self.cell_size
-        return places
+        return np.column_stack([self.ix, self.iy]).astype(np.float64) * self.cell_size
 
     @property
     def xy_sum(self) -> FloatArray:
         """(n,) X + Y of the corner, m: the tie-break of the scores."""
         if self.xy is not None:
             return np.asarray(self.xy.sum(axis=1), dtype=np.float64)
-        cells: FloatArray = (self.ix + self.iy).astype(np.float64)
-        return cells * self.cell_size
+        return np.asarray(self.ix + self.iy, dtype=np.float64) * self.cell_size
 
     @property
     def extents(self) -> FloatArray:
