@@ -114,7 +114,7 @@ def summarize(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                 "cpu_s_median": statistics.median(row["cpu_s"] for row in group),
                 "cpu_s_mean": statistics.mean(row["cpu_s"] for row in group),
                 "fullest": sum(
-                    row["placed"] == max(o["placed"] for o in rest or [row])
+                    row["placed"] >= max(o["placed"] for o in rest or [row])
                     for row, rest in zip(group, others, strict=True)
                 ),
                 "lowest_mean": statistics.mean(
