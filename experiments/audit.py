@@ -1,7 +1,8 @@
 """Plan many random orders and audit every plan: ``python -m experiments.audit --catalogue DIR``.
 
 Every plan goes through its file and is read back, as ``robotpack pack`` and ``robotpack verify`` would do it.
-Stopped and started again with the same ``--out``, it goes on where it was.
+Stopped and started again with the same ``--out``, it goes on where it was; after a change of the product it starts
+anew.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 
 from benchmarks.orders import fitting, random_orders
 from benchmarks.shelf import open_shelf
-from experiments.runs import finish, order_options
+from experiments.runs import finish, order_options, product_code
 from packenv import api
 from packenv.cli.exit_codes import reported
 from packenv.config import GridConfig
@@ -30,7 +31,6 @@ from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Order
 from packenv.verification.report import verify
-from packenv.version import __version__
 
 GRID = GridConfig()
 FINDINGS = ("overlaps", "protrusions", "blocked", "miscounted")
@@ -50,7 +50,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, self, own_code(PlanOptions(heuristic=self.heuristic)))
+        return row_key(product_code(), GRID, self, own_code(PlanOptions(heuristic=self.heuristic)))
 
 
 class _Worker:

@@ -148,7 +148,7 @@ class PackConfig:
         object.__setattr__(self, "cell", self.plan_options().cell)
 
     def plan_options(self) -> PlanOptions:
-        """The options with which a planner would ask the same of placements; no restarts, as in an episode.
+        """The options with which a planner would ask the same: no restarts, and places of the grid alone.
 
         Raises:
             InputError: a value is wrong.
@@ -159,6 +159,7 @@ class PackConfig:
             heuristic="hm",
             constraints=_CONSTRAINTS[self.mask],  # type: ignore[arg-type]
             restarts=0,
+            places="grid",
             geometry=shape,
             **values,
         )

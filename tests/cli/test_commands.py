@@ -351,7 +351,7 @@ def test_the_plan_depends_on_nothing_in_the_environment(order: Path, shelf: Path
 
 
 def test_poses_in_the_plan_are_rigid_motions(order: Path, shelf: Path, tmp_path: Path) -> None:
-    _pack(order, shelf, "--out", tmp_path / "p.json")
+    _pack(order, shelf, "--places", "grid", "--out", tmp_path / "p.json")
     for step in json.loads((tmp_path / "p.json").read_text())["steps"]:
         assert np.linalg.norm(step["quat_xyzw"]) == pytest.approx(1, abs=1e-12)
         on_grid = np.array(step["corner"][:2]) / 0.01

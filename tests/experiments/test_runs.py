@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.runs import finish, order_options
+import packenv
+from experiments.runs import finish, order_options, product_code
 from packenv.planning.search.heuristics import HEURISTICS
 
 
@@ -66,3 +67,14 @@ def test_a_second_run_does_what_is_missing_and_tells_of_all(tmp_path: Path) -> N
     assert run(jobs[:2]) == ("ab", ["a", "b"], [])
     assert run(jobs) == ("cd", ["a", "b", "c", "d"], ["c"])
     assert run(jobs[1:3]) == ("", ["b", "c"], ["c"])
+
+
+def test_rows_of_other_code_are_other_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "packenv"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "planner.py").write_text("STEP = 1\n")
+    monkeypatch.setattr(packenv, "__file__", str(package / "__init__.py"))
+    first, again = product_code.__wrapped__(), product_code.__wrapped__()
+    (package / "planner.py").write_text("STEP = 2\n")
+    assert first == again != product_code.__wrapped__()

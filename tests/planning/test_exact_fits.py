@@ -22,23 +22,6 @@ def packed(
     return plan
 
 
-@pytest.mark.parametrize(
-    ("order", "container"),
-    [
-        ({"bowl": 3}, (0.17, 0.17, 0.12)),
-        ({"party_cup": 4}, (0.10, 0.10, 0.26)),
-        ({"plate": 6}, (0.30, 0.30, 0.30)),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, dict) else None,
-)
-@pytest.mark.parametrize("constraints", ["overlap", "robot"])
-def test_built_in_nesting_items_nest(
-    order: dict[str, int], container: tuple[float, float, float], constraints: str
-) -> None:
-    plan = packed(order, container, "builtin", constraints=constraints)
-    assert plan.complete, [left.detail for left in plan.leftovers]
-
-
 @pytest.mark.parametrize("taper", [0.6, 0.75, 0.9])
 def test_cups_nest_as_closely_as_their_walls_allow(taper: float) -> None:
     """Each stands as far above the one below as the second above the first."""
