@@ -63,9 +63,9 @@ from packenv.types import Container, Order
 GRID = GridConfig()
 CONFIG = ExecutionConfig()
 RULES = {
-    "paper": PlanOptions(geometry="parts", stability="paper"),
-    "cautious": PlanOptions(geometry="parts", stability="cautious"),
-    "physics": PlanOptions(geometry="parts", stability="physics", clearance=0.01),
+    "paper": PlanOptions("hm", geometry="parts", stability="paper"),
+    "cautious": PlanOptions("hm", geometry="parts", stability="cautious"),
+    "physics": PlanOptions("hm", geometry="parts", stability="physics", clearance=0.01),
 }
 PARTS: tuple[tuple[type, str, str], ...] = (
     (World, "step", "engine steps"),

@@ -36,6 +36,7 @@ from packenv.io.containers import parse_container, read_boxes
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ONE_USER, ItemShelf
+from packenv.planning.assembly import packer
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
@@ -101,7 +102,7 @@ def main() -> int:
     parser.add_argument("--container", default="0.32x0.32x0.30")
     parser.add_argument("--orders", type=int, default=50, help="orders of each size")
     parser.add_argument("--sizes", type=int, nargs="+", help="default: 10 16 22 28; under constraints 10")
-    parser.add_argument("--heuristics", nargs="+", default=["hm", "dblf", "mta"])
+    parser.add_argument("--heuristics", nargs="+", default=["auto", "hm", "dblf", "mta"])
     planning_options(parser, without=("heuristic", "seed"))
     parser.set_defaults(constraints="overlap", stability="paper")
     parser.add_argument("--reference-orders", type=int, default=10, help="how many the reference packs")
@@ -148,9 +149,9 @@ def main() -> int:
             spent["reading maps"] += loaded - start
             with job.planner(container) as planner:
                 timed = tuple(Timed(constraint, spent) for constraint in planner.constraints)
-                planner = replace(planner, constraints=timed)
+                packing = packer(job.options, replace(planner, constraints=timed))
                 prepared = {name: shelf.prepared[name] for name in order}
-                return planner.pack(job.sequence(order), prepared, container)
+                return packing.pack(job.sequence(order), prepared, container)
 
         rows: list[dict[str, Any]] = []
         for size in arguments.sizes:

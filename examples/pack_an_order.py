@@ -4,7 +4,7 @@ import packenv as rp
 
 catalogue = rp.load_catalogue("builtin")
 order = rp.Order.of("mug", "bowl", "banana")
-plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue, heuristic="hm")
+plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue)
 assert rp.verify(plan, catalogue).ok
 execution = rp.execute(plan, catalogue, feel=True)
 rp.show(plan, "plan.html")

@@ -45,15 +45,16 @@ class Column:
     feel: bool = False
 
 
-CHECKED = PlanOptions(stability="physics", clearance=0.01, rehearse=6)
+CHECKED = PlanOptions("hm", stability="physics", clearance=0.01, rehearse=6)
 COLUMNS = {
     column.name: column
     for column in (
-        Column("overlap", PlanOptions(constraints="overlap", stability="paper")),
-        Column("paper", PlanOptions(stability="paper")),
-        Column("cautious", PlanOptions(stability="cautious")),
-        Column("margin", PlanOptions(stability="margin")),
-        Column("clearance", PlanOptions(stability="cautious", clearance=0.01)),
+        Column("overlap", PlanOptions("hm", constraints="overlap", stability="paper")),
+        Column("paper", PlanOptions("hm", stability="paper")),
+        Column("cautious", PlanOptions("hm", stability="cautious")),
+        Column("auto", PlanOptions("auto", stability="cautious")),
+        Column("margin", PlanOptions("hm", stability="margin")),
+        Column("clearance", PlanOptions("hm", stability="cautious", clearance=0.01)),
         Column("physics", CHECKED),
         Column("guarded", CHECKED, feel=True),
         Column("closed-loop", CHECKED, closed=True, feel=True),

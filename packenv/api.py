@@ -6,7 +6,7 @@ Command line, experiments, benchmarks and a user's scripts all go this way::
 
     catalogue = rp.load_catalogue("builtin")
     order = rp.Order.of("mug", "bowl", "banana")
-    plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue, heuristic="hm")
+    plan = rp.plan(order, rp.Container(0.32, 0.32, 0.30), catalogue)
     assert rp.verify(plan, catalogue).ok
     execution = rp.execute(plan, catalogue, feel=True)
     rp.show(plan, "plan.html")
@@ -247,7 +247,7 @@ def plan_rest(
     job = PlanningJob(shelf, chosen, watcher=watcher)
     job.load([p.item for p in done] + names)
     resting = [Resting(shelf.shapes[p.item], *pose) for p, pose in zip(done, measured, strict=True)]
-    packing, metrics, made_by = job.pack_onto(plan.container, job.sequence(names), resting)
+    packing, metrics = job.pack_onto(plan.container, job.sequence(names), resting)
     moved = tuple(_moved(placement, rest) for placement, rest in zip(done, resting, strict=True))
     volume = sum(shelf.items[p.item].volume for p in (*moved, *packing.placements))
     whole = replace(
@@ -261,7 +261,6 @@ def plan_rest(
         shelf,
         chosen,
         unit=plan.unit,
-        made_by=made_by,
         metrics=metrics,
         lying=len(done),
     )
@@ -275,8 +274,7 @@ def _rehearsed_plan(
     options: PlanOptions,
     unit: str | None,
 ) -> Plan:
-    metrics, how = rehearsed.metrics, rehearsed.how
-    return make_plan(rehearsed.packing, lines, shelf, options, unit=unit, made_by=how, metrics=metrics)
+    return make_plan(rehearsed.chosen, lines, shelf, options, unit=unit, metrics=rehearsed.metrics)
 
 
 def _pose(step: int, given: Pose) -> Pose:

@@ -427,8 +427,8 @@ class Plan:
         unit: the unit that the user gave for the catalogue's meshes, or None.
         order: the order's lines.
         meshes: the mesh of every item of the order, by item name.
-        made_by: ``planner``; ``agent``, an episode of the environment; or after a rehearsal how the plan was
-            made that it chose (docs/plan-format.md).
+        made_by: ``planner``; ``agent``, an episode of the environment; the rule of ``auto`` whose plan it is; or
+            after a rehearsal how the plan was made that it chose (docs/plan-format.md).
         items: the items themselves, by name, where they were at hand when the plan was made or read; they are
             in no file.
         source: the file that it came from, for messages; None for a plan that was just made.

@@ -11,7 +11,7 @@ from packenv.execution.planning_job import require_engine
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
-from packenv.planning.options import PRESETS, PlanOptions, heuristic_label, option_names
+from packenv.planning.options import AUTO, PRESETS, SINGLE_RULES, PlanOptions, heuristic_label, option_names
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 
@@ -68,10 +68,12 @@ def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> 
         say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°")
     for left in plan.leftovers:
         say(f"   -  {left.item:<{width}}  not packed: {left.detail}")
+    rule = heuristic_label(options.heuristic)
+    if rule == AUTO and plan.made_by in SINGLE_RULES:
+        rule = f"{plan.made_by} (auto)"
     say(
-        f"packed {packed} of {ordered} items into {plan.container.label} with "
-        f"{heuristic_label(options.heuristic)}: utilization {plan.metrics['utilization']:.1%}, "
-        f"height {plan.metrics['height']:.3f} m"
+        f"packed {packed} of {ordered} items into {plan.container.label} with {rule}: "
+        f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
     )
     if options.cell is not None:
         say(f"cell: {options.cell.label}")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 from packenv.config import GridConfig
 from packenv.errors import InputError, check_known
 from packenv.planning.options import (
+    AUTO,
+    SINGLE_RULES,
     ContactRule,
     Geometry,
     GraspRule,
@@ -138,6 +140,11 @@ class PackConfig:
                 raise InputError(f"containers: {size!r:.80} is out of range, give metres between 0.01 and 2")
         for heuristic in self.heuristics:
             PlanOptions(heuristic=heuristic)
+            if heuristic == AUTO:
+                raise InputError(
+                    f"heuristics has {AUTO!r}, which is several rules, give {', '.join(SINGLE_RULES)} or "
+                    "my_module:my_rule"
+                )
         object.__setattr__(self, "cell", self.plan_options().cell)
 
     def plan_options(self) -> PlanOptions:
@@ -149,6 +156,7 @@ class PackConfig:
         values: dict[str, Any] = {name: getattr(self, name) for name in _PLANNING}
         shape: Geometry = "parts" if self.physics else "mesh"
         return PlanOptions(
+            heuristic="hm",
             constraints=_CONSTRAINTS[self.mask],  # type: ignore[arg-type]
             restarts=0,
             places="grid",

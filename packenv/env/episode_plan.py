@@ -20,6 +20,8 @@ def episode_plan(episode: Episode) -> Plan:
     lines = tuple(OrderLine(name, qty) for name, qty in Counter(episode.names).items())
     volume = sum(shelf.items[p.item].volume for p in episode.placements)
     share = volume / episode.container.volume
-    packing = Packing(episode.container, tuple(episode.placements), episode.leftovers(), (), share)
+    packing = Packing(
+        episode.container, tuple(episode.placements), episode.leftovers(), (), share, made_by="agent"
+    )
     options, unit = episode.rules.options, episode.config.unit
-    return make_plan(packing, lines, shelf, options, unit=unit, made_by="agent")
+    return make_plan(packing, lines, shelf, options, unit=unit)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from packenv.items.shelf import ItemShelf
-from packenv.planning.assembly import assemble
+from packenv.planning.assembly import assemble, packer
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
+from packenv.planning.portfolio import Packer
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
@@ -74,7 +75,7 @@ class PlanningJob:
         return list(names) if given else by_box_volume(names, self.shelf.prepared)
 
     def planner(self, box: Container, *, give_up: bool = False) -> Planner:
-        """The planner for a container."""
+        """The planner for a container; one, whatever ``auto`` is made of."""
         if self.options.stability != "physics":
             return assemble(self.options, self.shelf, box, margins=self.margins, give_up=give_up)
         from packenv.execution.physics_planner import make_planner
@@ -89,6 +90,10 @@ class PlanningJob:
             give_up=give_up,
         )
 
+    def packer(self, box: Container, *, give_up: bool = False) -> Packer:
+        """What packs orders into a container."""
+        return packer(self.options, self.planner(box, give_up=give_up))
+
     def spares(self, box: Container) -> tuple[Planner, ...]:
         """Planners to ask where the plan of the chosen one fails in rehearsal."""
         from packenv.execution.physics_planner import make_spares
@@ -97,8 +102,8 @@ class PlanningJob:
 
     def pack(self, box: Container, sequence: Sequence[str], *, give_up: bool = False) -> Packing:
         """Pack items, in sequence, into an empty container."""
-        with self.planner(box, give_up=give_up) as planner:
-            return planner.pack(sequence, self.shelf.prepared, box)
+        with self.packer(box, give_up=give_up) as packing:
+            return packing.pack(sequence, self.shelf.prepared, box)
 
     def pack_smallest(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing:
         """The packing in the smallest container that takes all, else in the largest.
@@ -145,12 +150,11 @@ class PlanningJob:
 
     def pack_onto(
         self, box: Container, sequence: Sequence[str], resting: Sequence[Resting]
-    ) -> tuple[Packing, Mapping[str, float], str]:
-        """Pack items onto what lies in a container; the packing, further metrics, and how it was made."""
+    ) -> tuple[Packing, Mapping[str, float]]:
+        """Pack items onto what lies in a container; the packing, and further metrics."""
         if self.options.rehearse:
             found = self.rehearse(box, sequence, None, resting)
-            return found.packing, found.metrics, found.how
+            return found.chosen, found.metrics
         surface = measured_map(box, self.shelf.grid.cell_size, resting)
-        with self.planner(box) as planner:
-            pile = planner.pile(surface, resting)
-            return planner.pack(sequence, self.shelf.prepared, box, pile), {}, "planner"
+        with self.packer(box) as packing:
+            return packing.pack(sequence, self.shelf.prepared, box, packing.pile(surface, resting)), {}

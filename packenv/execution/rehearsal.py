@@ -129,6 +129,11 @@ class Rehearsed:
     how: str
 
     @property
+    def chosen(self) -> Packing:
+        """The plan, which says how it was made."""
+        return replace(self.packing, made_by=self.how)
+
+    @property
     def metrics(self) -> dict[str, float]:
         """How it did, for the plan's file."""
         return {
@@ -249,21 +254,22 @@ class _Search:
             yield self.own(planner, first)
             blamed = self.blamed_items
         if running is None or not spares:
-            yield from self.variants(planner, blamed)
+            yield from self.variants(planner, blamed, "" if first is None else first.made_by)
 
     def own(self, planner: Planner, first: Packing | None) -> _Named:
         """What the planner packs."""
         return (name_of(planner.heuristic), self.pack(planner)) if first is None else ("first", first)
 
-    def variants(self, planner: Planner, blamed: frozenset[str]) -> Iterator[_Named]:
-        """Plans by other heuristics, then with what went wrong in the planner's own plan at the end."""
+    def variants(self, planner: Planner, blamed: frozenset[str], made_by: str = "") -> Iterator[_Named]:
+        """Plans by other heuristics than made the first, then with what went wrong in that at the end."""
+        asked = made_by if made_by in HEURISTICS else name_of(planner.heuristic)
         late = blamed
         # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
         strategy = planner.strategy
         strategy = replace(strategy, restarts=min(strategy.restarts, RESTARTS), last_resorts=())
         brief = replace(planner, strategy=strategy)
         for name in ALTERNATIVES:
-            if name != name_of(planner.heuristic):
+            if name != asked:
                 yield name, self.pack(replace(brief, heuristic=HEURISTICS[name]))
         # A restart would bring forward what shall come last.
         straight = replace(brief, strategy=replace(strategy, restarts=0))

@@ -14,7 +14,8 @@ upright; and it turns but never mirrors, so that a wrench is not its own flip si
 Why these values: 10° is less than the tilt between neighbouring faces of anything box-like, and more than
 the spread of directions that scanning noise puts on a flat side. The shape tolerance is a tenth of the
 item's thickness, so that a fork is not its own flip side, and at most 5 mm, half of the default step
-between tried positions: what differs by less, the planner cannot make use of. A fixed 2 mm (one heightmap
+between tried positions: what differs by less matters where items lie side by side in exact rows, and there only
+to things with a few flat sides, whose heights have to be the same (:data:`SAME_HEIGHT`). A fixed 2 mm (one heightmap
 cell) was tried first. It split scanned cans and balls, which are some mm off round, into as many as 54
 poses, so that the most probable four were all one lying can. 5 % is what scanned rims and
 seams need; the outlier bound keeps a handle or a spout, which may be less than 5 % of the surface, from
@@ -41,6 +42,12 @@ SHAPE_TOLERANCE_MAX = 0.005
 
 OUTLIER_TOLERANCE = 3.0
 """No part of the surface may be off by more than this many times the shape tolerance."""
+
+FEW_SIDES = 12
+"""An item that rests on so few sides is no scan and not round: what differs in height is another pose."""
+
+SAME_HEIGHT = 1e-4
+"""Largest difference in height of poses of such an item that count as one, m."""
 
 NEAR_SHARE = 0.95
 """Share of the surface that has to be within the shape tolerance."""
@@ -142,6 +149,7 @@ class PoseComparer:
         *,
         hull_points: FloatArray,
         lowest: float,
+        sides: int,
     ) -> None:
         """Sample the surface and index the samples.
 
@@ -152,6 +160,7 @@ class PoseComparer:
             hull_points: (h, 3) vertices of the convex hull, mesh frame, m; they carry the item.
             lowest: the lowest height of the centre of mass over the plane at any orientation, m; about half
                 the item's thickness, and the scale of the shape tolerance.
+            sides: how many it can rest on.
         """
         centred = vertices - com
         corners = centred[faces]
@@ -161,6 +170,7 @@ class PoseComparer:
             ).sum()
         )
         self.tolerance = min(SHAPE_TOLERANCE * lowest, SHAPE_TOLERANCE_MAX)
+        self._in_height = min(self.tolerance, SAME_HEIGHT) if sides <= FEW_SIDES else self.tolerance
         count = int(np.clip(area / (_DENSE_SPACING * self.tolerance) ** 2, *_DENSE_SAMPLES))
         self._tree = KDTree(sample_surface(centred, faces, count))
         self._sparse_tree = KDTree(sample_surface(centred, faces, _SPARSE_SAMPLES))
@@ -180,7 +190,7 @@ class PoseComparer:
         """
         a, b = self._shape(direction_a), self._shape(direction_b)
         limit = OUTLIER_TOLERANCE * self.tolerance
-        if abs(a.height - b.height) > self.tolerance or abs(a.top - b.top) > limit:
+        if abs(a.height - b.height) > self._in_height or abs(a.top - b.top) > limit:
             return False
         # The radii and heights of the surface do not depend on the yaw: cheap, and it settles most pairs.
         if np.abs(a.outline - b.outline).max() > 2.0 * self.tolerance:

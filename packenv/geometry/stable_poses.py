@@ -105,6 +105,7 @@ def pose_comparer(item: Item, facets: StableFacets) -> PoseComparer:
         item.com,
         hull_points=facets.hull_points,
         lowest=float(facets.heights.min()),
+        sides=len(facets.normals),
     )
 
 

@@ -18,7 +18,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.items.cache_files import default_folder, read_arrays, write_arrays
 from packenv.types import Item, OrientedItem, StablePose
 
-_FORMAT = 1
+_FORMAT = 2
 """Raise this when poses or heightmaps change: files of another format are never read."""
 
 

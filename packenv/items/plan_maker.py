@@ -20,7 +20,6 @@ def make_plan(
     options: PlanOptions,
     *,
     unit: str | None = None,
-    made_by: str = "planner",
     metrics: Mapping[str, float] | None = None,
     lying: int = 0,
 ) -> Plan:
@@ -32,7 +31,6 @@ def make_plan(
         shelf: every item of the order.
         options: how the packing was planned.
         unit: the unit that the user gave for the meshes.
-        made_by: as in :class:`Plan`.
         metrics: further figures.
         lying: as in :class:`Plan`.
     """
@@ -56,7 +54,7 @@ def make_plan(
         unit=unit,
         order=order,
         meshes=mesh_records(names, shelf),
-        made_by=made_by,
+        made_by=packing.made_by,
         items={name: shelf.items[name] for name in names},
         lying=lying,
         made_with=options,

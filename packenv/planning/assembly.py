@@ -15,9 +15,10 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
-from packenv.planning.options import OWN, PlanOptions, StabilityRule
+from packenv.planning.options import AUTO, OWN, PlanOptions, StabilityRule
 from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
 from packenv.planning.planner import Planner
+from packenv.planning.portfolio import Packer, Portfolio
 from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_named, name_of
 from packenv.planning.search.orientations import perturbations
 from packenv.planning.stability.checker import StabilityChecker
@@ -26,6 +27,10 @@ from packenv.planning.stability.margins import MarginRule
 from packenv.planning.tiers import Strategy, Tier
 from packenv.types import Container, Item, OrientedItem
 
+MEMBERS = ("minz", "hm", "dblf", "mta")
+"""The rules of ``auto``."""
+ALONE = "hm"
+"""The rule in place of ``auto`` where one rule has to do: it is the paper's."""
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
 EACH_WITH_MARGIN = 12
@@ -83,7 +88,7 @@ def with_margin(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
 
 
 def heuristic_of(options: PlanOptions) -> Heuristic:
-    """The heuristic that the options name.
+    """The heuristic that the options name; of ``auto`` the one that stands for it where one has to do.
 
     Raises:
         InputError: there is no such own heuristic.
@@ -92,6 +97,7 @@ def heuristic_of(options: PlanOptions) -> Heuristic:
     if not isinstance(given, str):
         label = getattr(given, "__qualname__", type(given).__name__)
         return given if name_of(given) != "own" else OwnHeuristic(given, label)
+    given = ALONE if given == AUTO else given
     if given in HEURISTICS:
         return heuristic_named(given, options.tie_break)
     _refuse_nameless(given, "heuristic")
@@ -182,7 +188,7 @@ def assemble(
     margins: bool = False,
     give_up: bool = False,
 ) -> Planner:
-    """The planner that the options ask for.
+    """The planner that the options ask for; of ``auto`` the one that :func:`packer` makes several of.
 
     Args:
         options: how to plan.
@@ -225,6 +231,18 @@ def assemble(
         # FirstFit and Random are yardsticks: they know no better place than the next one.
         "grid" if name_of(heuristic) in ("first-fit", "random") else options.places,
     )
+
+
+def packer(options: PlanOptions, planner: Planner) -> Packer:
+    """What packs orders as the options ask: the planner that was made of them, or one for each rule of ``auto``.
+
+    Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
+    planner does alone.
+    """
+    if options.heuristic != AUTO or options.asks_physics:
+        return planner
+    rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
+    return Portfolio([replace(planner, heuristic=rule) for rule in rules])
 
 
 def as_paper(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # what these import takes longer than the command line's help
     from packenv.planning.search.heuristics import Heuristic
     from packenv.robot.cell import CellSetup
 
-HeuristicName: TypeAlias = Literal["hm", "dblf", "mta", "minz", "first-fit", "random"]
+HeuristicName: TypeAlias = Literal["auto", "hm", "dblf", "mta", "minz", "first-fit", "random"]
 Constraints: TypeAlias = Literal["overlap", "stability", "robot"]
 StabilityRule: TypeAlias = Literal["paper", "cautious", "margin", "physics"]
 ContactRule: TypeAlias = Literal["surface", "paper"]
@@ -30,6 +30,10 @@ Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
 _OPTIONS_ARE = "the options are"
+AUTO = "auto"
+"""The heuristic that is several rules (:mod:`packenv.planning.portfolio`)."""
+SINGLE_RULES = tuple(name for name in get_args(HeuristicName) if name != AUTO)
+"""The built-in heuristics that are one rule."""
 OWN = "<own>"
 """Stands in a file for an own heuristic or constraint that no module's name leads to, such as a lambda."""
 
@@ -104,8 +108,10 @@ class PlanOptions:
 
     Attributes:
         heuristic: how candidates are ranked: a name, an own one as ``module:name``, or a function
-            (:mod:`packenv.planning.search.heuristics`).
-        tie_break: c of ``hm`` and ``dblf``: weight of X + Y; None takes what measured best, the paper: 1.
+            (:mod:`packenv.planning.search.heuristics`); ``auto``: by several rules, the best plan is kept
+            (:mod:`packenv.planning.portfolio`), and by ``hm`` where physics is asked.
+        tie_break: c of ``hm`` and ``dblf``, in ``auto`` too: weight of X + Y; None takes what measured best, the
+            paper: 1.
         constraints: ``overlap``; ``stability``: also force balance; ``robot``: also manipulation.
         own_constraints: further ones, each an object or ``module:name``.
         cell: robot, container's place and friction, as :func:`packenv.load_cell` gives or takes them; None is the
@@ -137,7 +143,13 @@ class PlanOptions:
     """
 
     heuristic: str | Heuristic = field(
-        default="hm", metadata={"rule": Rule("how candidates are ranked", get_args(HeuristicName))}
+        default=AUTO,
+        metadata={
+            "rule": Rule(
+                "how candidates are ranked; auto: by several rules, the best plan is kept",
+                get_args(HeuristicName),
+            )
+        },
     )
     tie_break: float | None = _number(
         None,

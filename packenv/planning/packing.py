@@ -38,6 +38,7 @@ class Packing:
         utilization: volume of the placed items as a share of the container's.
         makeshift: items that were placed by a risky tier.
         risk: sum of the risks of the tiers that placed them.
+        made_by: as in :class:`packenv.types.Plan`.
     """
 
     container: Container
@@ -47,12 +48,14 @@ class Packing:
     utilization: float
     makeshift: tuple[str, ...] = ()
     risk: float = 0.0
+    made_by: str = "planner"
 
     @classmethod
     def of_plan(cls, plan: Plan, surfaces: tuple[ContainerMap, ...] = ()) -> Packing:
         """The packing that a plan tells of, with heightmaps where they are known."""
         volume = sum(plan.meshes[p.item].volume for p in plan.placements)
-        return cls(plan.container, plan.placements, plan.leftovers, surfaces, volume / plan.container.volume)
+        share = volume / plan.container.volume
+        return cls(plan.container, plan.placements, plan.leftovers, surfaces, share, made_by=plan.made_by)
 
     @property
     def complete(self) -> bool:

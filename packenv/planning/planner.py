@@ -185,13 +185,19 @@ class Planner:
         for name in dict.fromkeys(packing.lost):
             if sequence.count(name) < 2:
                 continue
+            orientations = run.orientations(name)
+            # What is mostly hollow may nest, upright or upside down: how many then fit, boxes do not tell.
+            hollow = items[name].volume < 0.5 * float(orientations[0].extents.prod())
             counts = {
-                tuple(oriented.extents.round(6)): (int(np.prod(room // oriented.extents)), oriented)
-                for oriented in reversed(run.orientations(name))
+                (*oriented.extents.round(6).tolist(), oriented.pose_index if hollow else 0): (
+                    int(np.prod(room // oriented.extents)),
+                    oriented,
+                )
+                for oriented in reversed(orientations)
             }
-            best = sorted(counts.values(), key=lambda found: -found[0])[:_ROWS]
+            best = sorted(counts.values(), key=lambda found: -found[0])[: _ROWS * (2 if hollow else 1)]
             for fit, oriented in best:
-                if fit > placed[name]:
+                if fit > placed[name] or (hollow and fit):
                     yield {name: oriented.rotation.tobytes()}
 
 

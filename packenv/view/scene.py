@@ -133,7 +133,10 @@ def build_scene(
         leftovers=plan.leftovers,
         title=title or f"{count} item{'s' * (count != 1)} in container {plan.container.label}",
         metrics=dict(plan.metrics),
-        settings={name: "none" if value in (None, []) else value for name, value in plan.settings.items()},
+        settings={
+            **{name: "none" if value in (None, []) else value for name, value in plan.settings.items()},
+            "made_by": plan.made_by,
+        },
     )
 
 

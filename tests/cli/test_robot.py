@@ -107,7 +107,7 @@ def test_what_pack_plans_verify_accepts(
             "search": "3d",
             "grasp": "seal",
             "contacts": "surface",
-            "heuristic": "hm",
+            "heuristic": "auto",
         }[key]
         assert plan["settings"][key] == settings.get(f"--{key}", default)
     routes = {key: n for key, n in plan["metrics"].items() if key.startswith("route_")}

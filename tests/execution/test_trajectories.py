@@ -30,7 +30,7 @@ LEGS = ["approach", "lift", "carry", "lower", "retreat"]
 
 
 def planned(setup: CellSetup) -> rp.Plan:
-    return rp.plan(ORDER, BOX, rp.load_catalogue(meshes()), grid=COARSE, cell=setup)
+    return rp.plan(ORDER, BOX, rp.load_catalogue(meshes()), heuristic="hm", grid=COARSE, cell=setup)
 
 
 TURNED = CellSetup(TX90, container=Place((0.38, -0.14, 0.03), 20.0))

@@ -20,7 +20,7 @@ from tests import shapes
 def test_a_pile_that_comes_to_rest_stays_there() -> None:
     config = ExecutionConfig(motion=MotionConfig(settle=3.0))
     shelf = ItemShelf(Catalogue.of_items({"brick": shapes.box(0.10, 0.08, 0.05, "brick")}), geometry="parts")
-    options = PlanOptions(constraints="stability", geometry="parts")
+    options = PlanOptions("hm", constraints="stability", geometry="parts")
     plan = api.plan(Order.of("brick", "brick"), Container(0.12, 0.10, 0.12), shelf, options)
     assert plan.complete
     row = early_rest.both(plan, shelf, config)

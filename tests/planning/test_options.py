@@ -20,6 +20,7 @@ from packenv.planning.options import (
     OWN,
     PAPER,
     PRESETS,
+    SINGLE_RULES,
     HeuristicName,
     PlanOptions,
     Rule,
@@ -286,9 +287,10 @@ def test_options_are_frozen_and_can_be_keys() -> None:
 
 
 def test_names_are_those_of_the_heuristics() -> None:
-    assert set(get_args(HeuristicName)) == set(scores.HEURISTICS)
+    assert set(get_args(HeuristicName)) == {"auto", *scores.HEURISTICS}
     assert rules()["heuristic"].words == get_args(HeuristicName)
-    for name in get_args(HeuristicName):
+    assert set(SINGLE_RULES) == set(scores.HEURISTICS)
+    for name in SINGLE_RULES:
         assert heuristic_of(PlanOptions(heuristic=name)) is scores.HEURISTICS[name]
 
 

@@ -1,0 +1,114 @@
+"""Several rules, one plan: each plans the order, and the best of their plans is kept (``--heuristic auto``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from packenv.geometry.prepare import PreparedItem
+from packenv.planning.packing import Packing, Pile
+from packenv.planning.planner import Planner
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import name_of
+from packenv.planning.search.measured import Resting
+from packenv.types import Container
+
+
+class Packer(Protocol):
+    """What packs an order: a planner with one rule, or several of them."""
+
+    def __enter__(self) -> Packer:
+        """The packer."""
+        ...
+
+    def __exit__(self, *_: object) -> None:
+        """Free what its constraints hold."""
+        ...
+
+    def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
+        """A container to start with, see :meth:`Planner.pile`."""
+        ...
+
+    def pack(
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
+    ) -> Packing:
+        """Pack items one after another, see :meth:`Planner.pack`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Portfolio:
+    """Planners that differ in their heuristic alone, and share constraints and prepared items.
+
+    The plan that is kept places as many items as the best of what the members pack alone, restarts included:
+    a member is left out only where a plan has every item and no makeshift placement already, and its restarts
+    only where it would make none itself.
+
+    Attributes:
+        members: at least one, the one whose plans are mostly kept first.
+    """
+
+    members: Sequence[Planner]
+
+    def __enter__(self) -> Portfolio:
+        """The portfolio."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the members."""
+        for member in self.members:
+            member.close()
+
+    def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
+        """A container to start with, for any member."""
+        return self.members[0].pile(surface, resting)
+
+    def pack(
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
+    ) -> Packing:
+        """Pack items: every member once; then, if none has placed all, every member with its restarts.
+
+        Args:
+            sequence: as for :meth:`Planner.pack`.
+            items: likewise.
+            container: likewise.
+            start: likewise.
+
+        Returns:
+            The best packing by :func:`goal`, the first of equal ones; ``made_by`` is its heuristic.
+        """
+        found: list[Packing] = []
+
+        def best_possible(member: Planner) -> bool:
+            packing = member.pack(sequence, items, container, start)
+            found.append(replace(packing, made_by=name_of(member.heuristic)))
+            return packing.complete and not packing.risk
+
+        once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in self.members]
+        if not any(best_possible(member) for member in once):
+            tried = zip(self.members, found.copy(), strict=True)
+            nearest = sorted(tried, key=lambda pair: goal(pair[1]), reverse=True)
+            restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
+            any(best_possible(member) for member in restarting if member.strategy.restarts)
+        return max(found, key=goal)
+
+
+def goal(packing: Packing) -> tuple[int, float, float, float]:
+    """What makes a plan the better one, the larger the better.
+
+    Most items placed; then the least risk; then the lowest pile, m; then the margin of the item that has
+    least, degrees, where margins are told.
+    """
+    tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
+    figures = (p.details.get("stability") for p in packing.placements)
+    margins = (float(f["margin_deg"]) for f in figures if isinstance(f, Mapping) and "margin_deg" in f)
+    return len(packing.placements), -packing.risk, -max(tops, default=0.0), min(margins, default=0.0)
