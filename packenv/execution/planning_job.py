@@ -113,11 +113,12 @@ class PlanningJob:
         """
         no_restarts = replace(self, options=replace(self.options, restarts=0))
         for box in boxes[:-1]:
-            with no_restarts.planner(box, give_up=True) as planner:
-                for one in (planner, *self._without_margin(planner)):
-                    packing = one.pack(sequence, self.shelf.prepared, box)
-                    if packing.complete:
-                        return packing
+            careful = no_restarts.planner(box, give_up=True)
+            for planner in (careful, *self._without_margin(careful)):
+                with packer(self.options, planner) as packing:
+                    found = packing.pack(sequence, self.shelf.prepared, box)
+                if found.complete:
+                    return found
         return self.pack(boxes[-1], sequence)
 
     def _without_margin(self, planner: Planner) -> Iterator[Planner]:
