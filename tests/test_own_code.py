@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import packenv as rp
@@ -122,8 +123,9 @@ def test_own_code_that_the_user_names_plans_again(folder: Path, capsys: pytest.C
     """The second item is planned inside the first one, so the rest is planned again, by the given rules."""
     document = json.loads((folder / "p.json").read_text())
     first, second = document["steps"][:2]
+    shift = np.subtract(first["corner"], second["corner"])
     for key in ("position", "corner"):
-        second[key][2] -= second["corner"][2] if key == "corner" else first["extents"][2]
+        second[key] = (np.array(second[key]) + shift).tolist()
     document["settings"].update(heuristic="os:getcwd", own_constraints=["os:getcwd"])
     path = folder / "broken.json"
     path.write_text(json.dumps(document))
