@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from packenv.env.observation import HEURISTIC_COLUMNS
 from packenv.errors import InputError
-from packenv.planning.planner import MAX_CHECKED
+from packenv.planning.packing_pass import MAX_CHECKED
 
 from .heuristics import RankAgent
 

@@ -27,7 +27,7 @@ from packenv.planning.options import (
     option_names,
     rules,
 )
-from packenv.planning.planner import MAX_CHECKED
+from packenv.planning.packing_pass import MAX_CHECKED
 from packenv.planning.search import heuristics as scores
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.paper_contacts import paper_contacts
