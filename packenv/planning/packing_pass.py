@@ -56,7 +56,7 @@ class PassRules:
         shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
             where the heightmaps say, as the paper does.
         places: whether places off the grid are candidates, too.
-        only: rotations, as bytes, of items that are tried at one orientation alone.
+        only: rotations, as bytes, of items that are tried at some orientations alone.
     """
 
     heuristic: Heuristic
@@ -71,7 +71,7 @@ class PassRules:
     release: float = RELEASE_HEIGHT
     shapes: Mapping[str, Item] | None = None
     places: Places = "grid"
-    only: Mapping[str, bytes] = field(default_factory=dict)
+    only: Mapping[str, frozenset[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check.
@@ -178,9 +178,9 @@ class PackingPass:
         return self.attempt(piece, self.orientations(piece.item), "first-pass")
 
     def orientations(self, name: str) -> Sequence[OrientedItem]:
-        """What is tried of an item first: :meth:`fitting`, or the one of them that the planner allows."""
+        """What is tried of an item first: :meth:`fitting`, or those of them that are allowed."""
         found, only = self.fitting(name), self.planner.only.get(name)
-        return found if only is None else [o for o in found if o.rotation.tobytes() == only]
+        return found if only is None else [o for o in found if o.rotation.tobytes() in only]
 
     def fitting(self, name: str) -> tuple[OrientedItem, ...]:
         """An item at its stable poses and yaws; turned or leaning where it fits the container at none of these."""

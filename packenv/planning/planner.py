@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
-from packenv.planning.rows import side_by_side
+from packenv.planning.variants import is_hollow, side_by_side
 from packenv.types import Container
 
 
@@ -71,7 +71,9 @@ class Planner(PassRules):
             last = PackingPass(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
         if strategy.restarts and best.improvable and not self.only:
-            for only in self.in_rows(best, given, items, container):
+            for only in self.narrowed(best, given, items, container):
+                if best.complete:
+                    break
                 found = PackingPass(replace(self, only=only), items, container, start).pack(given)
                 best = max(best, found, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
@@ -83,20 +85,33 @@ class Planner(PassRules):
                 best = found
         return best
 
-    def in_rows(
+    def narrowed(
         self,
         packing: Packing,
         sequence: Sequence[str],
         items: Mapping[str, PreparedItem],
         container: Container,
-    ) -> Iterator[Mapping[str, bytes]]:
-        """Orientations of equal items that a packing left over, at which side by side more may fit."""
+    ) -> Iterator[Mapping[str, frozenset[bytes]]]:
+        """Orientations of one item of an incomplete packing to which a further pass is held.
+
+        Of equal items that were left over those at which side by side more may fit; of the largest hollow item,
+        which others may go into, each of its poses but the one that it has.
+        """
         placed = Counter(placement.item for placement in packing.placements)
         run = PackingPass(self, items, container)
         for name in dict.fromkeys(packing.lost):
             if sequence.count(name) > 1:
                 found = side_by_side(items[name].volume, run.orientations(name), container.size, placed[name])
-                yield from ({name: oriented.rotation.tobytes()} for oriented in found)
+                yield from ({name: frozenset([oriented.rotation.tobytes()])} for oriented in found)
+        hollow = [name for name in placed if is_hollow(items[name].volume, run.orientations(name))]
+        largest = max(hollow, key=lambda name: (items[name].box_volume, name), default=None)
+        if largest is None:
+            return
+        poses: dict[int, set[bytes]] = {}
+        for oriented in run.orientations(largest):
+            poses.setdefault(oriented.pose_index, set()).add(oriented.rotation.tobytes())
+        has = {p.pose_index for p in packing.placements if p.item == largest}
+        yield from ({largest: frozenset(rotations)} for pose, rotations in poses.items() if {pose} != has)
 
 
 def _goodness(packing: Packing) -> tuple[int, float]:

@@ -225,14 +225,18 @@ class Cell:
             tallest: no item is taller, however it is turned, m.
         """
         box, robot = self.container, self.robot
+        tube = robot.gripper.length
+        deeper = ""
+        if box.height > tube:
+            deeper = f"{box.label} is {box.height:.3g} m deep, deeper than the gripper of {tube:.3g} m, and "
         if self.rim > robot.highest_rim:
             return (
-                f"the rim of {box.label} is {self.rim:.3g} m above the base of {robot.name}, whose links are never all "
-                f"higher than {robot.highest_rim:.3g} m"
+                f"{deeper}the rim of {box.label} is {self.rim:.3g} m above the base of {robot.name}, whose links are "
+                f"never all higher than {robot.highest_rim:.3g} m"
             )
-        if tallest + robot.gripper.length < box.height:
+        if tallest + tube < box.height:
             return (
-                f"{box.label} is {box.height:.3g} m deep, and the gripper of {robot.gripper.length:.3g} m with the "
+                f"{box.label} is {box.height:.3g} m deep, and the gripper of {tube:.3g} m with the "
                 f"tallest item, at most {tallest:.3g} m, does not reach from its floor to its rim"
             )
         if self.away > robot.reach:

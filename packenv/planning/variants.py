@@ -1,4 +1,4 @@
-"""Equal items side by side: a heuristic that looks at one at a time mixes orientations, and leaves room at the ends."""
+"""Fewer orientations, where a heuristic that looks at one item at a time chose badly among all."""
 
 from __future__ import annotations
 
@@ -13,10 +13,17 @@ _MOST = 2
 """Orientations at which equal items are tried side by side; twice as many of what may nest."""
 
 
+def is_hollow(volume: float, orientations: Sequence[OrientedItem]) -> bool:
+    """Whether an item of this volume, m³, leaves half of its bounding box or more to others."""
+    return bool(orientations) and volume < 0.5 * float(orientations[0].extents.prod())
+
+
 def side_by_side(
     volume: float, orientations: Sequence[OrientedItem], size: tuple[float, float, float], placed: int
 ) -> Iterator[OrientedItem]:
     """Orientations at which more equal items may fit than were placed, the most promising first.
+
+    One at a time they get mixed orientations, and room is left at the ends of rows.
 
     Args:
         volume: of one item, m³.
@@ -25,8 +32,8 @@ def side_by_side(
         placed: how many of them a packing has.
     """
     room = np.add(size, CLEARANCE)
-    # What is mostly hollow may nest, upright or upside down: how many then fit, its bounding box does not tell.
-    hollow = volume < 0.5 * float(orientations[0].extents.prod())
+    # Upright or upside down, hollow items may nest: how many then fit, the bounding box does not tell.
+    hollow = is_hollow(volume, orientations)
     counts = {
         (*oriented.extents.round(6).tolist(), oriented.pose_index if hollow else 0): (
             int(np.prod(room // oriented.extents)),
