@@ -9,8 +9,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from packenv.config import HEIGHT_QUANTUM
-from packenv.geometry.raster_kernels import TOUCH_TOLERANCE, rasterize, round_outward, settle
-from packenv.types import Float32Array, FloatArray, IntArray, Item, OrientedItem
+from packenv.geometry.raster_kernels import (
+    TOUCH_TOLERANCE,
+    rasterize,
+    round_outward,
+    settle,
+    spread_back,
+)
+from packenv.types import FloatArray, IntArray, Item, OrientedItem
 
 _NOISE = 1e-12
 """Heights this far (m) past a quantum are rounding noise of the rotation, not material."""
@@ -89,23 +95,12 @@ def at_phase(oriented: OrientedItem, phase: tuple[float, float]) -> OrientedItem
         oriented: the item at the edge of its first cell.
         phase: (2,) how far behind that edge it begins, less than a cell, m.
     """
-    top, bottom = oriented.top, oriented.bottom
-    for axis, (inside, size) in enumerate(zip(phase, oriented.extents, strict=False)):
+    w, h = oriented.top.shape
+    cells = [w, h]
+    for axis, inside in enumerate(phase):
         if inside > 0.0:
-            cells = max(1, math.ceil((inside + float(size) - TOUCH_TOLERANCE) / oriented.cell_size))
-            top = _spread_along(top, axis, cells, np.maximum, 0.0)
-            bottom = _spread_along(bottom, axis, cells, np.minimum, np.inf)
+            size = inside + float(oriented.extents[axis]) - TOUCH_TOLERANCE
+            cells[axis] = min(max(1, math.ceil(size / oriented.cell_size)), cells[axis] + 1)
+    top, bottom = np.empty(cells, dtype=np.float32), np.empty(cells, dtype=np.float32)
+    spread_back(oriented.top, oriented.bottom, phase[0] > 0.0, phase[1] > 0.0, top, bottom)
     return replace(oriented, top=top, bottom=bottom, phase=phase, whole=oriented)
-
-
-def _spread_along(
-    values: Float32Array, axis: int, cells: int, extreme: np.ufunc, outside: float
-) -> Float32Array:
-    """The extreme of each cell and the one before it, in the first ``cells`` cells along an axis."""
-    pads = [(0, 0), (0, 0)]
-    pads[axis] = (1, 1)
-    padded = np.pad(values, pads, constant_values=np.float32(outside))
-    n = padded.shape[axis]
-    here, before = padded.take(range(1, n), axis), padded.take(range(n - 1), axis)
-    both: Float32Array = extreme(here, before)
-    return np.ascontiguousarray(both.take(range(min(cells, n - 1)), axis))

@@ -318,3 +318,26 @@ def round_outward(top, bottom, quantum, noise, tops, bottoms):  # type: ignore[n
             else:
                 tops[i, j] = 0.0
                 bottoms[i, j] = np.inf
+
+
+@njit(cache=True, nogil=True)
+def spread_back(top, bottom, along_x, along_y, tops, bottoms):  # type: ignore[no-untyped-def]
+    """The extremes of each cell and of those before it, as an item moved by less than a cell shows.
+
+    Args:
+        top: (w, h) m; 0 outside the footprint.
+        bottom: (w, h) m; +inf outside the footprint.
+        along_x: whether it is moved along x.
+        along_y: likewise along y.
+        tops: (w or w + 1, h or h + 1), filled, m.
+        bottoms: likewise.
+    """
+    w, h = top.shape
+    for i in range(tops.shape[0]):
+        for j in range(tops.shape[1]):
+            highest, lowest = np.float32(0.0), np.float32(np.inf)
+            for a in range(max(0, i - 1 if along_x else i), min(i + 1, w)):
+                for b in range(max(0, j - 1 if along_y else j), min(j + 1, h)):
+                    highest = max(highest, top[a, b])
+                    lowest = min(lowest, bottom[a, b])
+            tops[i, j], bottoms[i, j] = highest, lowest

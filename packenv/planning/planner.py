@@ -12,6 +12,9 @@ from packenv.planning.packing_pass import PackingPass, PassRules
 from packenv.planning.variants import is_hollow, side_by_side
 from packenv.types import Container
 
+_LARGE = 0.1
+"""Share of the container that a hollow item takes, with what is in it, before its pose is worth a pass of its own."""
+
 
 @dataclass(frozen=True, eq=False)
 class Planner(PassRules):
@@ -95,7 +98,7 @@ class Planner(PassRules):
         """Orientations of one item of an incomplete packing to which a further pass is held.
 
         Of equal items that were left over those at which side by side more may fit; of the largest hollow item,
-        which others may go into, each of its poses but the one that it has.
+        if it is large enough for others to go into it, each of its poses but the one that it has.
         """
         placed = Counter(placement.item for placement in packing.placements)
         run = PackingPass(self, items, container)
@@ -103,7 +106,12 @@ class Planner(PassRules):
             if sequence.count(name) > 1:
                 found = side_by_side(items[name].volume, run.orientations(name), container.size, placed[name])
                 yield from ({name: frozenset([oriented.rotation.tobytes()])} for oriented in found)
-        hollow = [name for name in placed if is_hollow(items[name].volume, run.orientations(name))]
+        hollow = [
+            name
+            for name in placed
+            if items[name].box_volume > _LARGE * container.volume
+            and is_hollow(items[name].volume, run.orientations(name))
+        ]
         largest = max(hollow, key=lambda name: (items[name].box_volume, name), default=None)
         if largest is None:
             return

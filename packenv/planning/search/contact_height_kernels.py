@@ -41,42 +41,50 @@ def _touches(corners, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-
 
 
 @compiled
-def cells_of_faces(faces, cell, shape_x, shape_y, starts, entries):  # type: ignore[no-untyped-def]
-    """Which faces touch which cell; called once with an empty ``entries`` to count, and once to fill.
+def cells_of_faces(corners, boxes, origin_x, origin_y, cell, shape_x, shape_y, starts, pairs):  # type: ignore[no-untyped-def]
+    """Which faces touch which cell.
 
     Args:
-        faces: (m, 3, 3) corners, m.
+        corners: (m, 3, 3) of the faces, m.
+        boxes: (m, 6) smallest x, y, z and largest x, y, z of each, m.
+        origin_x: of the first cell, m.
+        origin_y: likewise.
         cell: cell size, m.
         shape_x: number of cells along x.
         shape_y: likewise along y.
-        starts: (cells + 1,) int64: where each cell's faces begin; filled by the first call.
-        entries: (n,) int32, filled by the second call.
+        starts: (cells + 1,) int64, filled: where each cell's faces begin in the result.
+        pairs: (n, 2) int32 work space, one row for each cell that the box of a face touches.
 
     Returns:
-        The number of entries.
+        (entries,) int32 indices of faces, cell by cell.
     """
-    filling = entries.size > 0
-    at = starts[:-1].copy() if filling else np.zeros(shape_x * shape_y, dtype=np.int64)
-    for f in range(faces.shape[0]):
-        t = faces[f]
-        low_x, high_x = min(t[0, 0], t[1, 0], t[2, 0]), max(t[0, 0], t[1, 0], t[2, 0])
-        low_y, high_y = min(t[0, 1], t[1, 1], t[2, 1]), max(t[0, 1], t[1, 1], t[2, 1])
-        i0, i1 = max(0, floor(low_x / cell)), min(shape_x - 1, floor(high_x / cell))
-        j0, j1 = max(0, floor(low_y / cell)), min(shape_y - 1, floor(high_y / cell))
+    starts[:] = 0
+    count = 0
+    for f in range(corners.shape[0]):
+        box = boxes[f]
+        i0 = max(0, floor((box[0] - origin_x) / cell))
+        i1 = min(shape_x - 1, floor((box[3] - origin_x) / cell))
+        j0 = max(0, floor((box[1] - origin_y) / cell))
+        j1 = min(shape_y - 1, floor((box[4] - origin_y) / cell))
         small = i0 == i1 or j0 == j1
         for i in range(i0, i1 + 1):
+            x = origin_x + i * cell
             for j in range(j0, j1 + 1):
-                if small or _touches(t, i * cell, j * cell, (i + 1) * cell, (j + 1) * cell):
+                y = origin_y + j * cell
+                if small or _touches(corners[f], x, y, x + cell, y + cell):
                     k = i * shape_y + j
-                    if filling:
-                        entries[at[k]] = f
-                    at[k] += 1
-    if filling:
-        return entries.size
-    starts[0] = 0
+                    pairs[count, 0], pairs[count, 1] = k, f
+                    starts[k + 1] += 1
+                    count += 1
     for k in range(shape_x * shape_y):
-        starts[k + 1] = starts[k] + at[k]
-    return starts[-1]
+        starts[k + 1] += starts[k]
+    at = starts[:-1].copy()
+    entries = np.empty(count, dtype=np.int32)
+    for p in range(count):
+        k = pairs[p, 0]
+        entries[at[k]] = pairs[p, 1]
+        at[k] += 1
+    return entries
 
 
 @compiled
