@@ -17,6 +17,7 @@ from packenv.planning.search import place_kernels as kernels
 from packenv.planning.search.candidates import Candidates, grid_search, place_codes, ranked
 from packenv.planning.search.container_map import ON_EDGE, ContainerMap, PolyphaseMap
 from packenv.planning.search.heuristics import Heuristic
+from packenv.planning.search.translation_grid import ROUNDING
 from packenv.types import FloatArray, IntArray, OrientedItem
 
 _NEAR = 8
@@ -195,7 +196,7 @@ def _near(
         cells = np.stack([candidates.ix[chosen], candidates.iy[chosen]], axis=1)[:, None] + offsets
         cells = np.unique(cells.reshape(-1, 2), axis=0)
         places = cells * candidates.cell_size
-        last = np.add(surface.source.container.size[:2], CLEARANCE) - oriented.extents[:2]
+        last = np.maximum(surface.source.container.size[:2] - oriented.extents[:2], 0.0) + ROUNDING
         inside = (cells >= 0).all(axis=1) & (places <= last).all(axis=1)
         yield from _estimated(oriented, surface, places[inside], whole=True)
 
@@ -210,7 +211,7 @@ def _flush(surface: PolyphaseMap, orientations: Sequence[OrientedItem]) -> Itera
         ex, ey, ez = oriented.extents.tolist()
         if ex > length + CLEARANCE or ey > width + CLEARANCE or ez > source.container.height + CLEARANCE:
             continue
-        count = kernels.flush_places(sides, length, width, ex, ey, CLEARANCE, room)
+        count = kernels.flush_places(sides, length, width, ex, ey, CLEARANCE - ROUNDING, room)
         keys = np.rint(room[:count] * 1e6).astype(np.int64) @ (1 << 22, 1)
         _, first = np.unique(keys, return_index=True)
         yield from _estimated(oriented, surface, room[:count][first], whole=False)

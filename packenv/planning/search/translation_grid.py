@@ -11,7 +11,7 @@ from packenv.planning.search import kernels
 from packenv.planning.search.container_map import PolyphaseMap
 from packenv.types import Float32Array, FloatArray, IntArray, OrientedItem
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Of sums of lengths, m."""
 
 
@@ -65,7 +65,10 @@ class TranslationGrid:
         w, h = oriented.top.shape
         step, rows, stride = surface.step, surface.rows, surface.stride
         # The last cell may reach beyond the wall, so the cells alone do not tell what is inside.
-        room = np.floor((slack[:2] + _ROUNDING) / (step * surface.source.cell_size)).astype(int)
+        # Only what is as large as the container may reach over a wall by a hair: at its only place.
+        room = np.floor(
+            np.maximum(slack[:2] - CLEARANCE + ROUNDING, 0.0) / (step * surface.source.cell_size)
+        ).astype(int)
         across, along = min((nx - w) // step, int(room[0])) + 1, min((ny - h) // step, int(room[1])) + 1
         if across < 1 or along < 1:
             return None

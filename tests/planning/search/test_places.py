@@ -123,7 +123,7 @@ def test_every_place_off_the_grid_is_flush_or_centred() -> None:
             stops = [0.0, TIGHT.size[axis] - wide, *sides[:, 2 + axis], *(sides[:, axis] - wide)]
             centred = (sides[:, axis] + sides[:, 2 + axis] - wide) / 2
             assert np.abs(np.array([*stops, *centred]) - place[axis]).min() < 1e-9
-            assert place[axis] + wide <= TIGHT.size[axis] + CLEARANCE + 1e-9
+            assert place[axis] + wide < TIGHT.size[axis] + CLEARANCE
 
 
 def test_at_places_of_the_grid_a_list_scores_as_the_grid_does() -> None:
@@ -166,3 +166,16 @@ def test_what_the_maps_would_leave_standing_out_fits_where_meshes_nest() -> None
         assert not len(grid_search(surface, [first], 1))
         found, _, _ = exact(surface, [first], HEURISTICS["hm"])
         assert bool(len(found)) == fits
+
+
+def test_only_what_is_as_large_as_the_container_reaches_over_its_wall() -> None:
+    """A grid of 2 mm cells has a place at which a box of 58.04 mm is 20 µm over the wall: the audit's limit."""
+    container = Container(0.10002, 0.10002, 0.1)
+    surface = ContainerMap.empty(container, CELL, ExactPile(SHAPES))
+    for wide in (0.058, 0.05804, 0.098, 0.10003):
+        oriented = orient_item(box(wide, wide, 0.02), np.eye(3), cell_size=CELL)
+        for heuristic in RANKING:
+            found, _, _ = exact(surface, [oriented], HEURISTICS[heuristic], 100)
+            assert len(found)
+            beyond = (found.places + wide).max() - container.length
+            assert beyond <= max(wide - container.length, 0.0) + 1e-9
