@@ -34,12 +34,8 @@ _LATE = 0.1
 
 def run(arguments: argparse.Namespace) -> int:
     """Execute a plan; returns the exit code: 1 where it is no success."""
-    outputs = {f"--{name}": getattr(arguments, name) for name in ("out", "gif", "html")}
-    check_outputs(outputs, arguments.plan)
     import packenv.sim  # noqa: F401  says before anything is loaded where there is no physics
 
-    check_suffix(arguments.html, "--html", (".html", ".htm"))
-    check_suffix(arguments.gif, "--gif", (".gif",))
     if arguments.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:
@@ -48,6 +44,11 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is not None and not arguments.closed_loop:
             raise InputError(f"{flag}: is for planning again, give --closed-loop as well")
     plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    outputs = {f"--{name}": getattr(arguments, name) for name in ("out", "gif", "html")}
+    check_outputs(outputs, [arguments.plan, *shelf.catalogue.files])
+    check_suffix(arguments.out, "--out", (".json", ""))
+    check_suffix(arguments.html, "--html", (".html", ".htm"))
+    check_suffix(arguments.gif, "--gif", (".gif",))
     executed = _executed(plan, shelf, arguments)
     document = executed.to_json()
     if arguments.out is not None:

@@ -9,13 +9,15 @@ from packenv.execution.trajectories import trajectories
 from packenv.io.files import check_outputs
 from packenv.items.plan_items import open_plan
 from packenv.robot.timing import MotionLimits
+from packenv.view.show import check_suffix
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the file; returns the exit code: 1 where a step has no motion."""
     limits = MotionLimits(share=arguments.share, speed=arguments.speed)
-    check_outputs({"--out": arguments.out}, arguments.plan)
     plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    check_outputs({"--out": arguments.out}, [arguments.plan, *shelf.catalogue.files])
+    check_suffix(arguments.out, "--out", (".json", ""))
     found = trajectories(plan, shelf, limits=limits, watcher=Terminal())
     found.save(arguments.out)
     for step in found.steps:

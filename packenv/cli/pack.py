@@ -8,10 +8,11 @@ import math
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
 from packenv.execution.planning_job import require_engine
-from packenv.io.containers import parse_container, read_boxes
+from packenv.io.containers import boxes_file, parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import AUTO, PRESETS, SINGLE_RULES, PlanOptions, heuristic_label, option_names
+from packenv.robot.files import cell_files
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
 
@@ -20,12 +21,14 @@ _OUTPUTS = ("out", "html", "png")
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
-    check_outputs({f"--{name}": getattr(arguments, name) for name in _OUTPUTS}, arguments.order)
-    check_suffix(arguments.html, "--html", (".html", ".htm"))
-    check_suffix(arguments.png, "--png", (".png",))
     options = options_from(arguments)
     require_engine(options)
     catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit)
+    read = [arguments.order, arguments.boxes or boxes_file(), *catalogue.files, *cell_files(arguments.cell)]
+    check_outputs({f"--{name}": getattr(arguments, name) for name in _OUTPUTS}, read)
+    check_suffix(arguments.out, "--out", (".json", ""))
+    check_suffix(arguments.html, "--html", (".html", ".htm"))
+    check_suffix(arguments.png, "--png", (".png",))
     order = api.load_order(arguments.order, catalogue)
     boxes = read_boxes(arguments.boxes)
     auto = arguments.container.lower() == "auto"

@@ -14,8 +14,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the file; returns the exit code."""
     path = arguments.out
     check_suffix(path, "--out")
-    check_outputs({"--out": path}, arguments.plan)
     plan, shelf = open_plan(arguments.plan, arguments.catalogue, unit=arguments.unit)
+    check_outputs({"--out": path}, [arguments.plan, *shelf.catalogue.files])
     show(plan, path, shelf, watcher=Terminal())
     say(f"wrote {path}")
     return 0

@@ -16,6 +16,11 @@ _NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*"
 _SIZE = re.compile(rf"{_NUMBER}[x×*]{_NUMBER}[x×*]{_NUMBER}(?:m\s*)?", re.IGNORECASE)
 
 
+def boxes_file() -> Path:
+    """The table of boxes that RobotPack brings along."""
+    return assets_dir() / "boxes.csv"
+
+
 def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
     """Read a table of boxes.
 
@@ -29,7 +34,7 @@ def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
     Raises:
         ContainerError: the table cannot be read, a size is wrong, or an id is there twice.
     """
-    path = assets_dir() / "boxes.csv" if path is None else Path(path)
+    path = boxes_file() if path is None else Path(path)
     text = read_text(path, ContainerError, "a table of boxes")
     boxes: dict[str, Container] = {}
     for row in read_table(path, text, ("box_id", *_SIZES), ContainerError):

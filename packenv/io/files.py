@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from packenv.errors import InputError
 
 
-def check_outputs(outputs: Mapping[str, Path | None], source: Path) -> None:
+def check_outputs(outputs: Mapping[str, Path | None], sources: Iterable[Path]) -> None:
     """Refuse output paths before any work is done for them.
 
     Args:
         outputs: the files to be written by the command-line option that named them; None is no file.
-        source: the input, which no output may replace.
+        sources: every file that is read, none of which an output may replace.
 
     Raises:
         InputError: a path is no regular file, its folder does not exist or cannot be written, or two of
             all these paths are the same.
     """
-    taken = {source.resolve(): str(source)}
+    taken = {_identity(source): f"{source}, which is read" for source in sources}
     for option, path in outputs.items():
         if path is None:
             continue
@@ -29,9 +29,18 @@ def check_outputs(outputs: Mapping[str, Path | None], source: Path) -> None:
             _check_output(option, path)
         except OSError as problem:
             raise InputError(f"{option} {path}: cannot be written ({problem.strerror})") from None
-        if (other := taken.get(path.resolve())) is not None:
+        if (other := taken.get(_identity(path))) is not None:
             raise InputError(f"{option} {path}: is also {other}, give each file a name of its own")
-        taken[path.resolve()] = option
+        taken[_identity(path)] = option
+
+
+def _identity(path: Path) -> object:
+    """What two names of one file share: links, and upper and lower case where the file system has but one."""
+    try:
+        found = path.stat()
+    except OSError:
+        return path.resolve()
+    return found.st_dev, found.st_ino
 
 
 def _check_output(option: str, path: Path) -> None:

@@ -70,6 +70,12 @@ class Catalogue:
         """Names of all items, in the table's sequence."""
         return tuple(self.entries)
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that there is to read: the table, meshes and convex parts."""
+        named = [TABLE, *(f for e in self.entries.values() for f in (e.file, e.parts_file) if f)]
+        return tuple(self.folder / file for file in named)
+
     def item(self, name: str) -> Item:
         """Load an item, or hand out the one that was loaded before.
 

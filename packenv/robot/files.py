@@ -84,6 +84,20 @@ def default_cell() -> CellSetup:
     return load_cell(DEFAULT)
 
 
+def cell_files(source: str | Path | None) -> list[Path]:
+    """The files that :func:`load_cell` reads for a name or a path; none for None.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    if source is None:
+        return []
+    path = _path(source)
+    record = _json(path)
+    robot = record.get("robot") if isinstance(record, Mapping) else None
+    return [path, path.parent / robot] if isinstance(robot, str) else [path]
+
+
 def robot_names() -> list[str]:
     """The robots that RobotPack brings along."""
     return sorted(path.stem for path in (assets_dir() / "robots").glob("*.json"))

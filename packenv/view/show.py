@@ -26,13 +26,14 @@ def check_suffix(path: Path | None, option: str = "show", kinds: Sequence[str] =
     Args:
         path: the file; None is no file.
         option: what named it, for the message.
-        kinds: the right endings.
+        kinds: the right endings, an empty one for none.
 
     Raises:
         InputError: the ending is none of these.
     """
     if path is not None and path.suffix.lower() not in kinds:
-        known = " or ".join((", ".join(kinds[:-1]), kinds[-1]) if len(kinds) > 1 else kinds)
+        names = [kind for kind in kinds if kind]
+        known = " or ".join((", ".join(names[:-1]), names[-1]) if len(names) > 1 else names)
         raise InputError(f"{option} {path}: unknown kind {path.suffix!r}, give a name that ends in {known}")
 
 

@@ -445,3 +445,62 @@ def test_the_grid_can_be_chosen(
     capsys.readouterr()
     assert _pack(order, shelf, "--grid-step", "0.003") == 2
     assert "a multiple of cell_size" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--out", "--html", "--png"])
+@pytest.mark.parametrize(
+    "read", ["brick.ply", "brick.parts.obj", "objects.csv", "boxes.csv", "cell.json", "arm.json"]
+)
+def test_no_output_replaces_what_is_read(
+    option: str, read: str, order: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(tmp_path / "brick.ply")
+    (tmp_path / "brick.parts.obj").write_text(
+        trimesh.creation.box((0.10, 0.08, 0.05)).export(file_type="obj")
+    )
+    (tmp_path / "objects.csv").write_text("name,file\nbrick,brick.ply\n")
+    (tmp_path / "boxes.csv").write_text("box_id,length_m,width_m,height_m\nB,0.2,0.2,0.15\n")
+    (tmp_path / "arm.json").write_bytes((REPO / "assets" / "robots" / "tx90.json").read_bytes())
+    (tmp_path / "cell.json").write_text('{"robot": "arm.json"}')
+    order.write_text("item\nbrick\n")
+    # Under another name: a link to the file, with the ending that the option asks for.
+    link = tmp_path / f"link{ {'--out': '.json', '--html': '.html', '--png': '.png'}[option] }"
+    link.symlink_to(tmp_path / read)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    more = ["--boxes", tmp_path / "boxes.csv", "--cell", tmp_path / "cell.json"]
+    for path in (link, tmp_path / read):
+        refused(capsys, _pack(order, tmp_path, *more, option, path), option, read, "which is read")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("command", ["view", "export", "execute"])
+def test_what_a_plan_reads_is_not_replaced_either(
+    command: str, order: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if command == "execute":
+        pytest.importorskip("pybullet")
+    mesh, plan = tmp_path / "brick.glb", tmp_path / "p.json"
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(mesh)
+    order.write_text("item\nbrick\n")
+    assert _pack(order, tmp_path, "--out", plan) == 0
+    capsys.readouterr()
+    before = mesh.read_bytes()
+    refused(capsys, main([command, str(plan), "--out", str(mesh)]), "--out", "brick.glb", "which is read")
+    assert mesh.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "right"),
+    [("--out", "p.html", ".json"), ("--html", "p.json", ".html"), ("--png", "p.jpg", ".png")],
+)
+def test_the_ending_of_a_file_is_that_of_its_format(
+    option: str,
+    name: str,
+    right: str,
+    order: Path,
+    shelf: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    refused(capsys, _pack(order, shelf, option, tmp_path / name), option, name, right)
+    assert not (tmp_path / name).exists()
