@@ -7,6 +7,7 @@ Arrays in these records are read-only by convention: whoever wants to change one
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -58,6 +59,11 @@ class Pose(NamedTuple):
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.position
         return matrix
+
+
+def normal_name(name: str) -> str:
+    """A name as it is compared: in Unicode's normal form C, because file systems and editors mix C and D."""
+    return unicodedata.normalize("NFC", name)
 
 
 @dataclass(frozen=True)
@@ -347,6 +353,16 @@ class OrderLine:
 
     item: str
     qty: int
+
+    def __post_init__(self) -> None:
+        """Write the name as catalogues do.
+
+        Raises:
+            OrderError: it is no text.
+        """
+        if not isinstance(self.item, str):
+            raise OrderError(f"the order has {self.item!r:.60}, give an item's name")
+        object.__setattr__(self, "item", normal_name(self.item))
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from packenv.errors import ContainerError
-from packenv.io.tables import read_table, read_text
+from packenv.io.tables import Columns, read_table, read_text
 from packenv.shipped import assets_dir
-from packenv.types import Container
+from packenv.types import Container, normal_name
 
 _SIZES = ("length_m", "width_m", "height_m")
+COLUMNS = Columns(required=("box_id", *_SIZES), remarks=("source", "notes"))
+"""Columns of a table of boxes."""
+
 _NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*"
 _SIZE = re.compile(rf"{_NUMBER}[x×*]{_NUMBER}[x×*]{_NUMBER}(?:m\s*)?", re.IGNORECASE)
 
@@ -25,8 +28,8 @@ def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
     """Read a table of boxes.
 
     Args:
-        path: CSV with the columns ``box_id,length_m,width_m,height_m`` (inner sizes); further ones are
-            left alone. None takes the boxes that RobotPack brings along.
+        path: CSV with the columns ``box_id,length_m,width_m,height_m`` (inner sizes); :data:`COLUMNS` has
+            all of them. None takes the boxes that RobotPack brings along.
 
     Returns:
         The boxes in the table's sequence.
@@ -37,8 +40,8 @@ def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
     path = boxes_file() if path is None else Path(path)
     text = read_text(path, ContainerError, "a table of boxes")
     boxes: dict[str, Container] = {}
-    for row in read_table(path, text, ("box_id", *_SIZES), ContainerError):
-        name = row.text("box_id")
+    for row in read_table(path, text, COLUMNS, ContainerError):
+        name = row.name("box_id")
         if name.lower() in boxes:
             raise ContainerError(f"{row.where}: box {name!r} is there twice, give each box an id of its own")
         length, width, height = (row.positive(column, "metres") for column in _SIZES)
@@ -65,7 +68,7 @@ def parse_container(text: str, boxes: Sequence[Container]) -> Container:
     Raises:
         ContainerError: neither a size nor a known box, or a size outside 1 cm to 2 m.
     """
-    wanted = text.strip()
+    wanted = normal_name(text.strip())
     for box in boxes:
         if box.name is not None and box.name.lower() == wanted.lower():
             return box

@@ -7,14 +7,16 @@ import re
 from collections.abc import Collection
 from pathlib import Path
 
-from packenv.errors import OrderError, closest_item
-from packenv.io.tables import read_table, read_text
-from packenv.types import Order, OrderLine
+from packenv.errors import OrderError, closest_item, closest_match
+from packenv.io.tables import Columns, read_table, read_text
+from packenv.types import Order, OrderLine, normal_name
 
 MAX_PIECES = 10_000
 """Pieces that an order may have."""
 
-_COLUMNS = ("item", "qty")
+COLUMNS = Columns(required=("item",), optional=("qty",))
+"""Columns of an order; the keys of its items as JSON."""
+
 _INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
 
 
@@ -41,7 +43,7 @@ def read_order(path: Path, catalogue_names: Collection[str]) -> Order:
     lines = _from_json(path, text) if path.suffix.lower() == ".json" else _from_csv(path, text)
     if not lines:
         raise OrderError(f"{path}: the order is empty, it needs at least one item")
-    names = frozenset(catalogue_names)
+    names = frozenset(map(normal_name, catalogue_names))
     for where, line in lines:
         if line.item not in names:
             hint = closest_item(line.item, catalogue_names)
@@ -54,7 +56,7 @@ def read_order(path: Path, catalogue_names: Collection[str]) -> Order:
 
 def _from_csv(path: Path, text: str) -> list[tuple[str, OrderLine]]:
     lines = []
-    for row in read_table(path, text, ("item",), OrderError, known=_COLUMNS):
+    for row in read_table(path, text, COLUMNS, OrderError):
         quantity = _quantity(row.where, row.text("qty")) if "qty" in row.cells else 1
         lines.append((row.where, OrderLine(row.text("item"), quantity)))
     return lines
@@ -79,8 +81,9 @@ def _json_line(where: str, entry: object) -> OrderLine:
     if not isinstance(entry, dict) or not isinstance(entry.get("item"), str) or not entry["item"].strip():
         raise OrderError(f'{where}: needs the item\'s name, as in "mug" or {{"item": "mug", "qty": 2}}')
     for key in entry:
-        if key not in _COLUMNS:
-            raise OrderError(f"{where}: unknown key {key!r}; the keys are item and qty")
+        if key not in COLUMNS.read:
+            hint = closest_match(key, COLUMNS.read, "; the keys are item and qty")
+            raise OrderError(f"{where}: unknown key {key!r:.60}{hint}")
     quantity = entry.get("qty", 1)
     if not isinstance(quantity, int) or isinstance(quantity, bool):
         raise OrderError(f"{where}: qty is {json.dumps(quantity)[:40]}, give a whole number above 0")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -9,13 +10,23 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from packenv.errors import CatalogueError, closest_item
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
 from packenv.geometry.meshes import UNITS, check_unit, make_item
-from packenv.io.tables import Row, read_table, read_text
+from packenv.io.tables import Columns, Row, read_table, read_text
 from packenv.items.mesh_cache import kept_mesh
 from packenv.shipped import BUILTIN, MEMORY, assets_dir
-from packenv.types import Item
+from packenv.types import Item, normal_name
 
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
+
+COLUMNS = Columns(
+    required=("name", "file"),
+    optional=("mass_kg", "unit", "parts_file"),
+    remarks=(
+        *("set", "category", "source", "licence", "notes", "repair", "n_vertices", "n_faces", "n_bodies"),
+        *("extents_x", "extents_y", "extents_z", "volume_m3", "hull_volume_m3", "convexity"),
+    ),
+)
+"""Columns of a catalogue's table."""
 
 PARTS = ".parts.obj"
 """``<stem>.parts.obj`` beside a mesh ``<stem>.<format>`` holds the convex parts that the mesh is made of."""
@@ -52,7 +63,7 @@ class Catalogue:
         """
         self.label = label
         self.folder = folder
-        self.entries = entries
+        self.entries = {normal_name(name): entry for name, entry in entries.items()}
         self.shelves: dict[object, object] = {}
         self._items: dict[str, Item] = {}
 
@@ -83,6 +94,7 @@ class Catalogue:
             CatalogueError: the catalogue has no such item.
             MeshError: its mesh cannot be used.
         """
+        name = normal_name(name)
         if name not in self._items:
             entry = self._entry(name)
             mesh = kept_mesh(self.folder / entry.file, entry.unit)
@@ -99,7 +111,7 @@ class Catalogue:
         return self.folder / parts if parts else None
 
     def __contains__(self, name: object) -> bool:
-        return name in self.entries
+        return isinstance(name, str) and normal_name(name) in self.entries
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.entries)
@@ -108,11 +120,11 @@ class Catalogue:
         return len(self.entries)
 
     def _entry(self, name: str) -> CatalogueEntry:
-        if name not in self.entries:
+        if name not in self:
             raise CatalogueError(
                 f"catalogue {self.label} has no item {name!r}{closest_item(name, self.entries)}"
             )
-        return self.entries[name]
+        return self.entries[normal_name(name)]
 
 
 def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Catalogue:
@@ -120,7 +132,7 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
 
     ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
     ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit`` and
-    ``parts_file``; further columns are left alone. In a folder without one, every mesh file is an
+    ``parts_file``; :data:`COLUMNS` has all of them. In a folder without one, every mesh file is an
     item of its stem's name. In both, ``<stem>.parts.obj`` beside a mesh is taken for its ``parts_file``.
 
     Args:
@@ -157,17 +169,16 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
 
 
 def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
-    rows = read_table(
-        table, read_text(table, CatalogueError, "a table of items"), ("name", "file"), CatalogueError
-    )
+    rows = read_table(table, read_text(table, CatalogueError, "a table of items"), COLUMNS, CatalogueError)
     entries: dict[str, CatalogueEntry] = {}
     lines: dict[str, str] = {}
     for row in rows:
-        name = row.text("name")
+        name = row.name("name")
         if not name.isprintable() or len(name) > 200:
             raise CatalogueError(f"{row.where}: name {name[:40]!r} must be printable, at most 200 characters")
+        folder = table.parent
         entry = CatalogueEntry(
-            _file(row, "file"), _mass(row), _unit(row) or unit, _parts_file(row, table.parent)
+            _file(row, "file", folder), _mass(row), _unit(row) or unit, _parts_file(row, folder)
         )
         if name in entries:
             raise CatalogueError(
@@ -181,7 +192,7 @@ def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
     return entries
 
 
-def _file(row: Row, column: str) -> str:
+def _file(row: Row, column: str, folder: Path) -> str:
     """A path inside the folder: the table may come from anywhere, so it may not reach out."""
     text = row.text(column)
     where = f"{row.where}: {column} {text!r}"
@@ -197,15 +208,12 @@ def _file(row: Row, column: str) -> str:
     if suffix not in EXTENSIONS:
         kinds = ", ".join(e[1:] for e in EXTENSIONS)
         raise CatalogueError(f"{where} is no mesh file; its name must end in one of {kinds}")
-    return str(PurePosixPath(text))
+    # The file system may have the name in another normal form of Unicode than the table.
+    forms = [text, *(unicodedata.normalize(form, text) for form in ("NFC", "NFD"))]
+    return str(PurePosixPath(next((form for form in forms if (folder / form).is_file()), text)))
 
 
 def _mass(row: Row) -> float | None:
-    for column in row.cells:
-        if column.lower().startswith(("mass", "weight")) and column != "mass_kg":
-            raise CatalogueError(
-                f"{row.where}: column {column!r} is not read; give masses in kg as 'mass_kg'"
-            )
     return row.positive("mass_kg", "kilograms") if row.cells.get("mass_kg") else None
 
 
@@ -218,8 +226,8 @@ def _unit(row: Row) -> str | None:
 
 def _parts_file(row: Row, folder: Path) -> str | None:
     if row.cells.get("parts_file"):
-        return _file(row, "parts_file")
-    return _parts_beside(folder, _file(row, "file"))
+        return _file(row, "parts_file", folder)
+    return _parts_beside(folder, _file(row, "file", folder))
 
 
 def _parts_beside(folder: Path, mesh: str) -> str | None:
@@ -234,12 +242,13 @@ def _bare_entries(folder: Path, unit: str | None) -> dict[str, CatalogueEntry]:
             continue
         if path.name.endswith(PARTS):
             continue
-        if path.stem in entries:
+        name = normal_name(path.stem)
+        if name in entries:
             raise CatalogueError(
-                f"{folder}: {entries[path.stem].file} and {path.name} are both named {path.stem!r}; "
+                f"{folder}: {entries[name].file} and {path.name} are both named {name!r}; "
                 "rename one, or add an objects.csv"
             )
-        entries[path.stem] = CatalogueEntry(path.name, unit=unit, parts_file=_parts_beside(folder, path.name))
+        entries[name] = CatalogueEntry(path.name, unit=unit, parts_file=_parts_beside(folder, path.name))
     if not entries:
         kinds = ", ".join(e[1:] for e in EXTENSIONS)
         raise CatalogueError(f"{folder}: holds neither {TABLE} nor a mesh file ({kinds})")

@@ -10,7 +10,7 @@ import numpy as np
 
 from packenv.errors import CatalogueError
 from packenv.geometry.meshes import check_unit
-from packenv.types import Item
+from packenv.types import Item, normal_name
 
 _ALIKE = 1e-9
 """Shapes of one geometry at two nodes of a scene differ by at most this share."""
@@ -37,7 +37,8 @@ def items_of_meshes(source: Any, unit: str | None) -> dict[str, Item]:
         )
     if not source:
         raise CatalogueError("the catalogue holds no mesh, give at least one")
-    return {str(name): _item(str(name), mesh, unit) for name, mesh in source.items()}
+    named = [(normal_name(str(name)), mesh) for name, mesh in source.items()]
+    return {name: _item(name, mesh, unit) for name, mesh in named}
 
 
 def _item(name: str, mesh: Any, unit: str | None) -> Item:

@@ -37,6 +37,15 @@ def test_a_table_of_boxes_keeps_its_sequence(tmp_path):
     assert read_boxes(path) == BOXES
 
 
+def test_columns_of_boxes(tmp_path):
+    path = tmp_path / "boxes.csv"
+    path.write_text("box_id;length_m;width_m;height_m;_shelf;notes;\nA1;0,254;0,178;.083;7;old;\n")
+    assert read_boxes(path) == BOXES[:1]
+    path.write_text("box_id,length_m,width_m,hieght_m\nA1,1,1,1\n")
+    with pytest.raises(ContainerError, match="unknown column 'hieght_m'; did you mean 'height_m'"):
+        read_boxes(path)
+
+
 def test_the_boxes_that_come_along():
     """Inner sizes as published for the Amazon Robotics Challenge 2017, m."""
     boxes = {box.name: box.size for box in read_boxes()}
@@ -57,6 +66,7 @@ def test_the_boxes_that_come_along():
         ("A1,0.1,0.1,0", "line 2: height_m is 0"),
         ('A1,0.1,"0,2",0.1', "decimals take a point: 0.2"),
         ("A1,0.1,0.1", "3 cells where the header has 4"),
+        ("A1,0.1,0.1,0.1\na\u0308,1,1,1\n\u00e4,1,1,1", "box 'ä' is there twice"),
         ("A1,254,178,83", "length is 254, give metres"),
         (",0.1,0.1,0.1", "'box_id' is empty"),
     ],

@@ -20,7 +20,7 @@ def shelf(tmp_path):
     vertices, faces = arrays(ball())
     write_ply(folder / "ball.ply", vertices * 1000, faces)
     (folder / "objects.csv").write_text(
-        "name,file,mass_kg,unit,parts_file,colour\n"
+        "name,file,mass_kg,unit,parts_file,_colour\n"
         "red mug,mug.ply,0.3,,,red\n"
         'box,"deep/box.ply",,m,deep/box_parts.obj,\n'
         "ball,ball.ply,0.1,mm,,\n"

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from packenv.types import Container, Item, Placement
+from packenv.types import Container, Item, Placement, normal_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,11 @@ class GeneratedOrder:
     meshes: Mapping[str, Item] = field(default_factory=dict)
     container: Container | None = None
     solution: tuple[Placement, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Write the names as catalogues do; what is no name is told where orders are checked."""
+        if isinstance(self.items, tuple) and all(isinstance(name, str) for name in self.items):
+            object.__setattr__(self, "items", tuple(map(normal_name, self.items)))
 
 
 class OrderGenerator(Protocol):
