@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     order = api.load_order(arguments.order, catalogue)
     boxes = read_boxes(arguments.boxes)
     auto = arguments.container.lower() == "auto"
-    container = boxes if auto else parse_container(arguments.container, boxes)
+    container = boxes if auto else parse_container(arguments.container, boxes, arguments.unit)
     watcher = Terminal()
     plan = api.plan(order, container, catalogue, options, unit=arguments.unit, watcher=watcher)
     if arguments.out is not None:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn
 
+from packenv.errors import closest_match
 from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
 from packenv.robot.timing import MotionLimits
 from packenv.version import __version__
@@ -20,6 +21,23 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with exit code 2."""
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse what nothing knows here, where the command and so its options are known."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            options = [name for name in self._option_string_actions if name.startswith("--")]
+            word = unknown[0].partition("=")[0]
+            near = closest_match(word.lstrip("-"), [name[2:] for name in options])
+            self.error(f"unknown argument {word!r}{near.replace(chr(39), chr(39) + '--', 1)}")
+        return found, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a word that is none of the choices, with the nearest."""
+        if action.choices is not None and value not in action.choices:
+            words = [str(word) for word in action.choices]
+            hint = closest_match(value, words, f"; choose from {', '.join(words)}")
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r:.60}{hint}")
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -153,7 +171,11 @@ def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> 
         if default
         else "read the meshes from this folder, not from the one that the plan names",
     )
-    parser.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
+    parser.add_argument(
+        "--unit",
+        choices=UNIT_NAMES,
+        help="unit of the meshes, and of a --container that can be no metres (default: metres)",
+    )
 
 
 def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
@@ -169,7 +191,8 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
         "--container",
         default="auto",
         metavar="SIZE|ID|auto",
-        help="inner size in metres (0.32x0.32x0.30), a box id, or auto: the smallest box that takes all "
+        help="inner size in metres (0.32x0.32x0.30) or with a unit (320x320x300mm), a box id, or "
+        "auto: the smallest box that takes all "
         "(default: %(default)s)",
     )
     pack.add_argument(

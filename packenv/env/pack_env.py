@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any, SupportsInt, cast
+from operator import index
+from typing import TYPE_CHECKING, Any, SupportsIndex, cast
 
 import gymnasium
 import numpy as np
@@ -17,17 +18,19 @@ from packenv.env.episode import Episode, Rules
 from packenv.env.observation import Observation, Observer
 from packenv.env.orders import GeneratedOrder, OrderGenerator, make_generator, next_order
 from packenv.env.reward import Outcome, RewardFn, make_reward
-from packenv.errors import InputError
+from packenv.env.window import Window
+from packenv.errors import InputError, check_known
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
-from packenv.types import Container, Placement, Plan
+from packenv.types import Container, Order, Placement, Plan
 
 if TYPE_CHECKING:
-    from packenv.env.window import Window
     from packenv.view.stage import Stage
 
 _FRAME_SIZE = (480, 480)
 """Width and height of the pictures, px."""
+_NO_ACTION = -1
+"""What stands for an action that is no whole number."""
 
 
 class PackEnv(gymnasium.Env[Observation, Any]):
@@ -119,6 +122,10 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
         if self.config.physics:
             import packenv.sim  # noqa: F401  says now where there is no physics
+        if not Window.possible():
+            # Whoever tries every mode, as Gymnasium's checks do, tries those that work here.
+            modes = [mode for mode in self.metadata["render_modes"] if mode != "human"]
+            self.metadata = {**self.metadata, "render_modes": modes}
         self.render_mode = render_mode
         self._choices = (order_generator, reward_fn)
         self._reward = make_reward(reward_fn)
@@ -151,32 +158,29 @@ class PackEnv(gymnasium.Env[Observation, Any]):
                 inner (length, width, height), m.
 
         Raises:
-            InputError: the order or the container cannot be used.
+            InputError: an option is unknown, or the order or the container cannot be used.
         """
+        given_order, given_container = _given(options or {})
         super().reset(seed=seed)
-        options = options or {}
         which = int(self.np_random.integers(len(self.config.containers)))
-        order = (
-            GeneratedOrder(tuple(options["order"]))
-            if options.get("order") is not None
-            else next_order(self._generator, self.np_random)
-        )
-        container = order.container or Container(*self.config.containers[which])
-        if options.get("container") is not None:
-            container = Container(*options["container"])
+        order = given_order or next_order(self._generator, self.np_random)
+        container = given_container or order.container or Container(*self.config.containers[which])
         self._begin(order, container)
         if self.render_mode == "human":
             self.render()
         return self._observation(), self._info(False, Landing(), self._outcome(False, 0, None))
 
-    def step(self, action: SupportsInt) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: SupportsIndex) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Place the current item at a candidate, or defer it.
 
         Args:
-            action: k < K: the candidate of row k; K: defer.
+            action: k < K: the candidate of row k; K: defer. Anything else, whole number or not, is invalid.
         """
         episode = self._running()
-        chosen = int(action)
+        try:
+            chosen = index(action)
+        except TypeError:
+            chosen = _NO_ACTION
         self._actions.append(chosen)
         mask = episode.mask()
         valid = 0 <= chosen < len(mask) and bool(mask[chosen])
@@ -208,7 +212,6 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode: give render_mode='rgb_array' or 'human'")
             return None
-        from packenv.env.window import Window
         from packenv.view.stage import Stage
 
         episode = self._running()
@@ -348,3 +351,28 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             "left_over": [piece.item for piece in sequence.left_over],
             **{f"reward_{name}": float(term) for name, term in self._reward(outcome).items()},
         }
+
+
+def _given(options: Mapping[str, Any]) -> tuple[GeneratedOrder | None, Container | None]:
+    """The order and the container that the options of a reset name.
+
+    Raises:
+        InputError: an option is unknown, or none.
+    """
+    check_known(options, ("order", "container"), "reset: options has no key", "it has")
+    names, size = options.get("order"), options.get("container")
+    order = container = None
+    if names is not None:
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            raise InputError(
+                f"reset: order is {names!r:.60}, give a list of item names such as ['mug', 'bowl']"
+            )
+        order = GeneratedOrder(Order.of(*names).names)
+    if size is not None:
+        lengths = tuple(size) if isinstance(size, Iterable) and not isinstance(size, str) else ()
+        if len(lengths) != 3:
+            raise InputError(
+                f"reset: container is {size!r:.60}, give three lengths in m such as [0.32, 0.32, 0.3]"
+            )
+        container = Container(*lengths)
+    return order, container

@@ -6,12 +6,17 @@ import contextlib
 import io
 import os
 import sys
+from importlib.util import find_spec
 from typing import Any
 
 from packenv.errors import InputError
 from packenv.view.painter import Image
 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
+
+
+def _display() -> bool:
+    return sys.platform != "linux" or any(os.environ.get(name) for name in _DISPLAYS)
 
 
 class Window:
@@ -39,7 +44,7 @@ class Window:
             ) from None
         self._pygame: Any = pygame
         # Without a display SDL complains at length, and then draws to nowhere.
-        if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
+        if not _display():
             raise InputError(f"{needs} a display, and there is none ({_DISPLAYS[0]} is not set); {instead}")
         try:
             pygame.display.init()
@@ -52,6 +57,11 @@ class Window:
         pygame.display.set_caption("RobotPack")
         self._clock = pygame.time.Clock()
         self._fps = fps
+
+    @staticmethod
+    def possible() -> bool:
+        """Whether there are a display and pygame, as far as can be told without opening a window."""
+        return _display() and find_spec("pygame") is not None
 
     def show(self, picture: Image) -> None:
         """Bring the window up to date with a picture of its size."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from packenv.errors import ContainerError
+from packenv.geometry.meshes import UNITS
 from packenv.io.tables import Columns, read_table, read_text
 from packenv.shipped import assets_dir
 from packenv.types import Container, normal_name
@@ -15,8 +16,8 @@ _SIZES = ("length_m", "width_m", "height_m")
 COLUMNS = Columns(required=("box_id", *_SIZES), remarks=("source", "notes"))
 """Columns of a table of boxes."""
 
-_NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*"
-_SIZE = re.compile(rf"{_NUMBER}[x×*]{_NUMBER}[x×*]{_NUMBER}(?:m\s*)?", re.IGNORECASE)
+_LENGTH = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(mm|cm|m|in)?\s*"
+_SIZE = re.compile(rf"{_LENGTH}([x×*,;]){_LENGTH}\3{_LENGTH}", re.IGNORECASE)
 
 
 def boxes_file() -> Path:
@@ -54,19 +55,21 @@ def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
     return tuple(boxes.values())
 
 
-def parse_container(text: str, boxes: Sequence[Container]) -> Container:
+def parse_container(text: str, boxes: Sequence[Container], unit: str | None = None) -> Container:
     """Understand a container as the user types it.
 
     Args:
-        text: inner length x width x height in metres, as ``0.32x0.32x0.30``, or the id of a box, in
-            upper or lower case.
+        text: inner length x width x height, as ``0.32x0.32x0.30``, ``320x320x300mm`` or ``320,320,300 mm``, in
+            metres where no unit is written; or the id of a box, in upper or lower case.
         boxes: the boxes that there are.
+        unit: which unit the user's meshes are in: a size without one that can be no metres is in it, too.
 
     Returns:
         The container.
 
     Raises:
-        ContainerError: neither a size nor a known box, or a size outside 1 cm to 2 m.
+        ContainerError: neither a size nor a known box, a size outside 1 cm to 2 m, or one that may be in either of two
+            units.
     """
     wanted = normal_name(text.strip())
     for box in boxes:
@@ -74,8 +77,7 @@ def parse_container(text: str, boxes: Sequence[Container]) -> Container:
             return box
     size = _SIZE.fullmatch(wanted)
     if size is not None:
-        length, width, height = (float(part) for part in size.groups())
-        return Container(length, width, height)
+        return _sized(wanted, size, unit)
     known = ", ".join(box.name for box in boxes if box.name is not None) or "none"
     hint = ""
     point = wanted.replace(",", ".")
@@ -85,3 +87,27 @@ def parse_container(text: str, boxes: Sequence[Container]) -> Container:
         f"container {text[:60]!r}: neither a size in metres, as in 0.32x0.32x0.30, "
         f"nor a known box ({known}){hint}"
     )
+
+
+def _sized(text: str, size: re.Match[str], unit: str | None) -> Container:
+    """The container of a size that the user wrote, perhaps with a unit."""
+    numbers = [float(size[k]) for k in (1, 4, 6)]
+    written = {size[k].lower() for k in (2, 5, 7) if size[k]}
+    if len(written) > 1 or (written and not size[7]):
+        raise ContainerError(f"container {text[:60]!r}: give all sides in one unit, as in 320x320x300mm")
+    can_be = [name for name in UNITS if all(0.01 <= n * UNITS[name] <= 2.0 for n in numbers)]
+    if not written:
+        likely = [name for name in ("m", unit) if name in can_be]
+        if len(set(likely)) > 1:
+            raise ContainerError(f"container {text}: is it {text}m or {text}{unit}? write the unit")
+        if not likely and "m" not in can_be and can_be:
+            ways = " or ".join(f"{text}{name}" for name in can_be)
+            raise ContainerError(
+                f"container {text}: {max(numbers):g} m is more than 2 m; in another unit write {ways}"
+            )
+        written = set(likely) or {"m"}
+    # Rounded to what the decimal fraction means: 320 * 0.001 is more than 0.32.
+    length, width, height = (
+        n if name == "m" else round(n * UNITS[name], 12) for name in written for n in numbers
+    )
+    return Container(length, width, height)

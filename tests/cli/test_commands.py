@@ -205,7 +205,7 @@ def test_a_byte_order_mark_is_accepted(shelf: Path, tmp_path: Path) -> None:
     ("arguments", "names"),
     [
         (["--container", "0.3x0.3"], ["0.3x0.3"]),
-        (["--container", "300x300x300"], ["300", "metres"]),
+        (["--container", "300x300x300"], ["300x300x300mm"]),
         (["--container", "-1x1x1"], ["-1"]),
         (["--container", "NOBOX"], ["NOBOX"]),
         (["--catalogue", "/nowhere/at/all"], ["/nowhere/at/all"]),
@@ -504,3 +504,45 @@ def test_the_ending_of_a_file_is_that_of_its_format(
 ) -> None:
     refused(capsys, _pack(order, shelf, option, tmp_path / name), option, name, right)
     assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (
+            ["pack", "o.csv", "--contaner", "0.3x0.3x0.3"],
+            "unknown argument '--contaner'; did you mean '--container'?",
+        ),
+        (
+            ["pack", "o.csv", "--Container=auto"],
+            "unknown argument '--Container'; did you mean '--container'?",
+        ),
+        (["pack", "o.csv", "more.csv"], "unknown argument 'more.csv'"),
+        (["verify", "p.json", "--catalog", "x", "--jsn"], "unknown argument '--jsn'; did you mean '--json'?"),
+        (["items", "check", "x", "--unt", "mm"], "unknown argument '--unt'; did you mean '--unit'?"),
+        (["pack", "o.csv", "--preset", "Paper"], "invalid choice: 'Paper'; did you mean 'paper'?"),
+        (["pack", "o.csv", "--unit", "MM"], "invalid choice: 'MM'; did you mean 'mm'?"),
+        (["pack", "o.csv", "--unit", "furlong"], "choose from m, cm, mm, in"),
+        (["pck", "o.csv"], "invalid choice: 'pck'; did you mean 'pack'?"),
+        (["items", "chek", "x"], "did you mean 'check'?"),
+    ],
+)
+def test_a_mistyped_word_is_answered_with_the_nearest(
+    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert hint in line
+
+
+def test_the_unit_is_the_containers_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trimesh.creation.box((100, 80, 50)).export(tmp_path / "brick.stl")
+    order = tmp_path / "order.csv"
+    order.write_text("item\nbrick\n")
+    words = ["pack", str(order), "--catalogue", str(tmp_path), "--unit", "mm", "--json", "--container"]
+    for size in ("200x150x120", "0.2x0.15x0.12", "20x15x12cm"):
+        assert main([*words, size]) == 0
+        found = json.loads(capsys.readouterr().out)["container"]
+        assert found["size"] == [0.2, 0.15, 0.12]

@@ -207,6 +207,29 @@ def test_an_invalid_action_changes_nothing_and_in_the_end_truncates() -> None:
         assert truncated is (count == 3)
 
 
+@pytest.mark.parametrize(
+    "action", [1.5, 1.0, np.float64(0), "0", "a", None, float("nan"), [0], {}, 10**400, -(10**400)]
+)
+def test_what_is_no_whole_number_in_range_is_an_invalid_action(action: Any) -> None:
+    env = make_env(mask="legal")
+    obs, _ = env.reset(seed=0)
+    after, reward, terminated, truncated, info = env.step(action)
+    assert info["invalid_action"] is True
+    assert reward == pytest.approx(-0.1)
+    assert not terminated
+    assert not truncated
+    assert data_equivalence(obs, after, exact=True)
+    assert data_equivalence(pickle.loads(pickle.dumps(env)).action_masks(), env.action_masks(), exact=True)
+
+
+@pytest.mark.parametrize("kind", [int, np.int32, np.uint8, np.array])
+def test_whole_numbers_of_every_kind_are_actions(kind: Any) -> None:
+    env = make_env(mask="legal")
+    obs, _ = env.reset(seed=0)
+    *_, info = env.step(kind(best_action(obs)))
+    assert info["invalid_action"] is False
+
+
 def test_a_valid_action_forgives_invalid_ones() -> None:
     env = make_env(mask="legal", max_invalid=2)
     obs, _ = env.reset(seed=0)
@@ -325,11 +348,25 @@ def test_a_wrong_setting_is_told_in_one_line(kwargs: dict[str, Any], word: str) 
 
 @pytest.mark.parametrize(
     ("options", "word"),
-    [({"order": ["nothing"]}, "asks for 'nothing'"), ({"container": (0.5, 0.1, 0.1)}, "larger than")],
+    [
+        ({"order": ["nothing"]}, "asks for 'nothing'"),
+        ({"order": "mug"}, "order is 'mug', give a list"),
+        ({"order": 3}, "order is 3, give a list"),
+        ({"order": ["mug", 3]}, "has 3, give item names"),
+        ({"container": (0.5, 0.1, 0.1)}, "larger than"),
+        ({"container": (0.5, 0.1)}, "three lengths"),
+        ({"container": "0.1x0.1x0.1"}, "three lengths"),
+        ({"container": (0.1, "a", 0.1)}, "width is 'a'"),
+        ({"containers": (0.1, 0.1, 0.1)}, "did you mean 'container'"),
+        ({"Order": ["mug"]}, "did you mean 'order'"),
+        ({"xyz": 1}, "order, container"),
+    ],
 )
 def test_a_wrong_reset_is_told_in_one_line(options: dict[str, Any], word: str) -> None:
-    with pytest.raises(InputError, match=word):
+    with pytest.raises(InputError) as told:
         make_env().reset(options=options)
+    assert word in str(told.value)
+    assert "\n" not in str(told.value)
 
 
 def test_a_configuration_goes_through_json() -> None:

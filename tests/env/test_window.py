@@ -54,6 +54,22 @@ def test_gymnasiums_checks_pass_with_pictures() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("missing", ["display", "pygame"])
+def test_gymnasiums_checks_pass_where_no_window_can_open(
+    missing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if missing == "pygame":
+        monkeypatch.setitem(sys.modules, "pygame", None)
+    elif not sys.platform.startswith("linux"):
+        pytest.skip("there is always a display")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    env = gymnasium.make("RobotPack-v0", config={**CONFIG, "mask": "legal"}, order_generator=ORDER)
+    check_env(env.unwrapped)
+    assert env.unwrapped.metadata["render_modes"] == ["rgb_array"]
+    env.close()
+
+
 @pytest.mark.usefixtures("nowhere")
 def test_the_window_shows_the_frames() -> None:
     import pygame

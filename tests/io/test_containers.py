@@ -19,9 +19,55 @@ def test_a_size_is_read_as_it_is_written(size, sign):
     assert found.name is None
 
 
-@pytest.mark.parametrize("text", ["0.32x0.32x0.30", " 0.32 x 0.32 x 0.30 ", ".32x.32x.3", "0.32x0.32x0.30m"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0.32x0.32x0.30",
+        " 0.32 x 0.32 x 0.30 ",
+        ".32x.32x.3",
+        "0.32x0.32x0.30m",
+        "320x320x300mm",
+        "320 x 320 x 300 MM",
+        "32cmx32cmx30cm",
+        "0.32,0.32,0.30",
+        "320,320,300mm",
+        "0.32; 0.32; 0.3",
+    ],
+)
 def test_ways_to_write_a_size(text):
     assert parse_container(text, BOXES).size == (0.32, 0.32, 0.30)
+
+
+@given(
+    size=st.tuples(*[st.integers(10, 2000)] * 3), unit=st.sampled_from([("mm", 1), ("cm", 10), ("m", 1000)])
+)
+def test_a_unit_says_what_the_numbers_are(size, unit):
+    """In millimetres, centimetres and metres one size is one container, to the last bit."""
+    name, divisor = unit
+    text = "x".join(repr(s / divisor) for s in size) + name
+    assert parse_container(text, BOXES) == Container(*(s / 1000 for s in size))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "size"),
+    [
+        ("200x150x120", "mm", (0.2, 0.15, 0.12)),
+        ("0.2x0.15x0.12", "mm", (0.2, 0.15, 0.12)),
+        ("20x15x12", "cm", (0.2, 0.15, 0.12)),
+        ("0.2x0.15x0.12", "cm", (0.2, 0.15, 0.12)),
+        ("10x5x4", "in", (0.254, 0.127, 0.1016)),
+        ("200x150x120mm", "in", (0.2, 0.15, 0.12)),
+        ("1x1x1", "m", (1.0, 1.0, 1.0)),
+    ],
+)
+def test_the_unit_of_the_meshes_is_that_of_a_size_that_can_be_no_metres(text, unit, size):
+    assert parse_container(text, BOXES, unit).size == size
+
+
+@pytest.mark.parametrize(("text", "unit"), [("1x1.5x2", "cm"), ("1x1x0.5", "in")])
+def test_a_size_that_may_be_in_either_unit_is_refused(text, unit):
+    with pytest.raises(ContainerError, match=f"is it {text}m or {text}{unit}"):
+        parse_container(text, BOXES, unit)
 
 
 @pytest.mark.parametrize("text", ["1AD", "1ad", " 1Ad "])
@@ -87,7 +133,14 @@ def test_a_bad_table(rows, words, tmp_path):
         ("0.3x0.3", "0.32x0.32x0.30"),
         ("0.3x0.3x0.3x0.3", "neither a size"),
         ("0,32x0,32x0,30", "decimals take a point: 0.32x0.32x0.30"),
-        ("320x320x300", "length is 320, give metres"),
+        ("320x320x300", "write 320x320x300mm"),
+        ("32x32x30", "write 32x32x30cm or 32x32x30mm or 32x32x30in"),
+        ("3200x3200x3000", "length is 3200, give metres"),
+        ("5000x10x10mm", "length is 5"),
+        ("320mmx32cmx300mm", "all sides in one unit"),
+        ("320mmx320x300", "all sides in one unit"),
+        ("0.3x0.3,0.3", "neither a size"),
+        ("3x3x3ft", "neither a size"),
         ("0.3x-0.3x0.3", "width is -0.3"),
         ("0.3x0.3x0", "height is 0"),
         ("0.3x0.3xnan", "neither a size"),
