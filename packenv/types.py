@@ -110,7 +110,16 @@ class Container:
     @property
     def label(self) -> str:
         """The box id where there is one, else the size as the user would type it."""
-        return self.name or "x".join(f"{s:g}" for s in self.size)
+        return self.name or self._size_label
+
+    @property
+    def full_label(self) -> str:
+        """The same, and beside a box id the size."""
+        return self._size_label if self.name is None else f"{self.name} ({self._size_label} m)"
+
+    @property
+    def _size_label(self) -> str:
+        return "x".join(f"{s:g}" for s in self.size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import Counter
 
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
@@ -11,6 +12,7 @@ from packenv.execution.planning_job import require_engine
 from packenv.io.containers import boxes_file, parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
+from packenv.planning.assembly import ALONE
 from packenv.planning.options import AUTO, PRESETS, SINGLE_RULES, PlanOptions, heuristic_label, option_names
 from packenv.robot.files import cell_files
 from packenv.types import Plan
@@ -44,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         say_json(plan_to_json(plan))
     else:
         _report(plan, options, arguments)
-    return 0 if plan.complete else 1
+    return 0 if plan.complete and _survives(plan) else 1
 
 
 def options_from(arguments: argparse.Namespace) -> PlanOptions:
@@ -61,21 +63,37 @@ def options_from(arguments: argparse.Namespace) -> PlanOptions:
     return PRESETS[arguments.preset]().changed(given)
 
 
+def _survives(plan: Plan) -> bool:
+    """Whether a plan that was rehearsed succeeds in every world."""
+    return plan.metrics.get("rehearsal_survived", 0) == plan.metrics.get("rehearsal_worlds", 0)
+
+
+def _rule(plan: Plan, options: PlanOptions) -> str:
+    """The heuristic that made a plan, beside the one that was asked for."""
+    asked = heuristic_label(options.heuristic)
+    made = next((word for word in plan.made_by.split() if word in SINGLE_RULES), None)
+    made = made or (ALONE if asked == AUTO else asked)
+    if made == asked:
+        return asked
+    return f"{made} (auto)" if asked == AUTO else f"{made} (in place of {asked})"
+
+
 def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> None:
     packed, ordered = len(plan.placements), len(plan.placements) + len(plan.leftovers)
-    width = max([len(p.item) for p in plan.placements] + [len(left.item) for left in plan.leftovers] + [4])
+    same = Counter((left.item, left.detail) for left in plan.leftovers)
+    left_over = [(item if n == 1 else f"{item} x {n}", detail) for (item, detail), n in same.items()]
+    width = max(
+        len(name) for name in (*(p.item for p in plan.placements), *(n for n, _ in left_over), "item")
+    )
     say(f"{'step':>4}  {'item':<{width}}  {'corner x, y, z (m)':<21}  {'size (m)':<21}  yaw")
     for step, p in enumerate(plan.placements, start=1):
         corner = " ".join(f"{c:6.3f}" for c in p.corner)
         size = " ".join(f"{e:6.3f}" for e in p.extents)
         say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°")
-    for left in plan.leftovers:
-        say(f"   -  {left.item:<{width}}  not packed: {left.detail}")
-    rule = heuristic_label(options.heuristic)
-    if rule == AUTO and plan.made_by in SINGLE_RULES:
-        rule = f"{plan.made_by} (auto)"
+    for name, detail in left_over:
+        say(f"   -  {name:<{width}}  not packed: {detail}")
     say(
-        f"packed {packed} of {ordered} items into {plan.container.label} with {rule}: "
+        f"packed {packed} of {ordered} items into {plan.container.full_label} with {_rule(plan, options)}: "
         f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
     )
     if options.cell is not None:
@@ -83,7 +101,10 @@ def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> 
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
         kept = "" if plan.made_by == "first" else f"; this one: {plan.made_by}"
-        say(f"rehearsed: success in {survived} of {worlds} worlds; plans tried: {plans}{kept}")
+        head = (
+            "rehearsed: success" if _survives(plan) else "FAILED IN REHEARSAL, do not carry it out: success"
+        )
+        say(f"{head} in {survived} of {worlds} worlds; plans tried: {plans}{kept}")
     for option in _OUTPUTS:
         if (path := getattr(arguments, option)) is not None:
             say(f"wrote {path}")

@@ -119,6 +119,7 @@ class PlanningJob:
                     found = packing.pack(sequence, self.shelf.prepared, box)
                 if found.complete:
                     return found
+            self.watcher.remark(f"box {box.full_label} does not take all: {found.leftovers[0].detail}")
         return self.pack(boxes[-1], sequence)
 
     def _without_margin(self, planner: Planner) -> Iterator[Planner]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from packenv.config import GridConfig
-from packenv.errors import OrderError, closest_item
+from packenv.errors import InputError, OrderError, closest_item
 from packenv.geometry.convex_parts import ConvexParts, convex_parts, envelope
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem, prepare_item
@@ -180,11 +180,17 @@ class ItemShelf:
             progress: iterates over the names.
 
         Raises:
-            InputError: a mesh or a file of parts cannot be used.
+            InputError: a file of parts cannot be used, or meshes cannot, every one of which is named.
         """
         wanted = list(dict.fromkeys(names))
+        bad: list[InputError] = []
         for name in wanted:
-            self._item(name)
+            try:
+                self._item(name)
+            except InputError as problem:
+                bad.append(problem)
+        if bad:
+            raise type(bad[0])(" | ".join(map(str, bad)))
         if physics or self.geometry == "parts":
             for name in progress(wanted, "convex parts"):
                 self._parts(name)

@@ -140,7 +140,7 @@ class PackingPass:
                 if rejected is not None:
                     leftovers.append(self.leftover(self.items[piece.item], piece, rejected))
                     if self.planner.give_up:
-                        return self.given_up(pieces, leftovers[0].detail)
+                        return self.given_up(pieces, f"{piece.item}: {leftovers[0].detail}")
                     waiting.give_up()
                     continue
             waiting.placed()

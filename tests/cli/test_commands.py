@@ -6,15 +6,19 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
+from packenv import api
 from packenv.cli import main
 from packenv.planning.options import rules
 from packenv.planning.search.heuristics import HEURISTICS
+from packenv.types import Plan
 from tests.cli.refusals import refused
 from tests.conftest import REPO
 from tests.shapes import cup
@@ -546,3 +550,78 @@ def test_the_unit_is_the_containers_too(tmp_path: Path, capsys: pytest.CaptureFi
         assert main([*words, size]) == 0
         found = json.loads(capsys.readouterr().out)["container"]
         assert found["size"] == [0.2, 0.15, 0.12]
+
+
+def test_every_bad_mesh_of_an_order_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(tmp_path / "brick.ply")
+    for name in ("one.stl", "two.obj", "not_asked_for.ply"):
+        (tmp_path / name).write_text("garbage")
+    order = tmp_path / "order.csv"
+    order.write_text("item\none\nbrick\ntwo\n")
+    code = _pack(order, tmp_path)
+    line = capsys.readouterr().err
+    assert code == 2
+    assert line.count("\n") == 1
+    assert "one.stl" in line
+    assert "two.obj" in line
+    assert "not_asked_for" not in line
+
+
+def test_the_box_is_told_with_its_size_and_why_smaller_ones_do_not_do(
+    order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text(
+        "box_id,length_m,width_m,height_m\nFAIR,0.2,0.2,0.15\nTINY,0.09,0.09,0.09\nLOW,0.3,0.3,0.055\n"
+    )
+    words = ["pack", str(order), "--catalogue", str(shelf), "--boxes", str(boxes)]
+    assert main(words) == 0
+    printed = capsys.readouterr()
+    assert "into FAIR (0.2x0.2x0.15 m) with" in printed.out
+    assert "box LOW (0.3x0.3x0.055 m) does not take all: beaker does not fit" in printed.err
+    (line,) = [line for line in printed.err.splitlines() if "TINY" in line]
+    assert "box TINY (0.09x0.09x0.09 m) does not take all: the items' volume exceeds the container's" in line
+
+
+def test_equal_leftovers_are_one_line(
+    shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = tmp_path / "order.csv"
+    order.write_text("item,qty\npole,3\ncan,1\n")
+    assert _pack(order, shelf) == 1
+    told = [line for line in capsys.readouterr().out.splitlines() if "not packed" in line]
+    assert len(told) == 1
+    assert "pole x 3  not packed: " in told[0]
+
+
+@pytest.mark.parametrize(
+    ("survived", "made_by", "code", "words"),
+    [
+        (2, "first", 0, ["rehearsed: success in 2 of 2", "with hm (auto):"]),
+        (1, "dblf", 1, ["FAILED IN REHEARSAL", "success in 1 of 2", "with dblf (auto):", "this one: dblf"]),
+        (0, "spare 1 hm late", 1, ["FAILED IN REHEARSAL", "with hm (auto):", "this one: spare 1 hm late"]),
+    ],
+)
+def test_a_plan_that_fails_its_rehearsals_is_a_failure(
+    survived: int,
+    made_by: str,
+    code: int,
+    words: list[str],
+    order: Path,
+    shelf: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """How worlds judge a plan is tested elsewhere; here a plan is judged so, and told to people."""
+    made = api.plan
+
+    def judged(*given: Any, **named: Any) -> Plan:
+        figures = {"rehearsal_worlds": 2, "rehearsal_survived": survived, "rehearsal_plans": 3}
+        plan = made(*given, **named)
+        return replace(plan, metrics={**plan.metrics, **figures}, made_by=made_by)
+
+    monkeypatch.setattr(api, "plan", judged)
+    assert _pack(order, shelf, "--constraints", "overlap") == code
+    out = capsys.readouterr().out
+    for word in words:
+        assert word in out

@@ -257,13 +257,15 @@ def test_a_rehearsed_plan_tells_how_it_went(
     path = tmp_path / "plan.json"
     options = ["--stability", stability, "--clearance", str(CLEARANCE), "--rehearse", "2"]
     assert pack(shelf, *options, "--out", path) == 0
-    assert "rehearsed: success in 2 of 2 worlds; plans tried: 1" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "rehearsed: success in 2 of 2 worlds; plans tried: 1" in told
+    assert "with hm (auto):" in told  # where physics is asked, auto is one rule
     plan = json.loads(path.read_text())
     assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (2, "parts")
-    told = {name: value for name, value in plan["metrics"].items() if name.startswith("rehearsal")}
+    figures = {name: value for name, value in plan["metrics"].items() if name.startswith("rehearsal")}
     assert plan["made_by"] == "first"
     assert "rehearsed_plan" not in plan["settings"]
-    assert told == {"rehearsal_worlds": 2, "rehearsal_survived": 2, "rehearsal_plans": 1}
+    assert figures == {"rehearsal_worlds": 2, "rehearsal_survived": 2, "rehearsal_plans": 1}
     assert main(["execute", str(path), "--catalogue", str(shelf)]) == 0
 
 
