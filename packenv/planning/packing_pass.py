@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -295,7 +295,8 @@ class PackingPass:
                 notes=notes,
             )
             self.placements.append(placement)
-            self.surfaces.append(self.pile.surface)
+            # Whoever keeps many packings does not want the meshes of every step.
+            self.surfaces.append(replace(self.pile.surface, exact=None))
             if tier.risk:
                 self.makeshift.append(piece.item)
                 self.risk += tier.risk
