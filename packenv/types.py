@@ -75,19 +75,24 @@ class Container:
         width: inner size along y, m.
         height: inner size along z, m.
         name: box id from ``boxes.csv``, or None for a size that the user typed.
+        max_kg: what may be in it together, kg; None has no limit.
     """
 
     length: float
     width: float
     height: float
     name: str | None = None
+    max_kg: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse sizes that are not finite, not positive, or outside 1 cm to 2 m.
+        """Refuse sizes that are not finite, not positive, or outside 1 cm to 2 m, and limits that are no mass.
 
         Raises:
-            ContainerError: a size is outside the range.
+            ContainerError: a size is outside the range, or the limit is not positive.
         """
+        most = self.max_kg
+        if most is not None and not (is_number(most) and 0.0 < most < np.inf):
+            raise ContainerError(f"container: max_kg is {most!r:.60}, give kilograms above 0")
         for axis, value in zip(("length", "width", "height"), self.size, strict=True):
             if not is_number(value):
                 raise ContainerError(f"container: {axis} is {value!r:.60}, give metres between 0.01 and 2")
@@ -343,9 +348,9 @@ class Leftover:
         item: name of the item.
         instance: as in :class:`Placement`.
         reason: a word for programs: ``larger-than-container``, ``no-fitting-orientation``, ``unreachable-container``,
-            ``no-legal-candidate``, ``no-graspable-spot``, ``too-heavy``, ``no-usable-orientation``, ``given-up``
-            (another item of the order found no place) or, where legal candidates were rejected,
-            ``no-packable-candidate``.
+            ``no-legal-candidate``, ``no-graspable-spot``, ``too-heavy``, ``box-overweight``,
+            ``no-usable-orientation``, ``given-up`` (another item of the order found no place) or, where legal
+            candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """

@@ -33,6 +33,8 @@ def _report(found: Verification, constraints: str) -> None:
         say(f"miscounted: {m.item}: {m.ordered} ordered, {m.in_plan} in the plan")
     for step in found.misstated:
         say(f"misstated: step {step}: corner and extents are not those of the item at its pose")
+    for step in found.overweight:
+        say(f"overweight: step {step}: from here on the box holds more than its max_kg")
     counted = _counted(found.audit, (*_FINDINGS, "miscounted"))
     say(f"{found.audit.pairs_checked} pairs checked: {counted}, {len(found.misstated)} misstated")
     if found.envelopes is not None:

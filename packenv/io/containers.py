@@ -13,7 +13,7 @@ from packenv.shipped import assets_dir
 from packenv.types import Container, normal_name
 
 _SIZES = ("length_m", "width_m", "height_m")
-COLUMNS = Columns(required=("box_id", *_SIZES), remarks=("source", "notes"))
+COLUMNS = Columns(required=("box_id", *_SIZES), optional=("max_kg",), remarks=("source", "notes"))
 """Columns of a table of boxes."""
 
 _LENGTH = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(mm|cm|m|in)?\s*"
@@ -46,8 +46,9 @@ def read_boxes(path: Path | None = None) -> tuple[Container, ...]:
         if name.lower() in boxes:
             raise ContainerError(f"{row.where}: box {name!r} is there twice, give each box an id of its own")
         length, width, height = (row.positive(column, "metres") for column in _SIZES)
+        most = row.positive("max_kg", "kilograms") if row.cells.get("max_kg") else None
         try:
-            boxes[name.lower()] = Container(length, width, height, name=name)
+            boxes[name.lower()] = Container(length, width, height, name, most)
         except ContainerError as problem:
             raise ContainerError(f"{row.where}: {problem}") from None
     if not boxes:

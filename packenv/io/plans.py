@@ -61,7 +61,11 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "units": dict(_UNITS),
         "catalogue": plan.catalogue,
         "unit": plan.unit,
-        "container": {"name": plan.container.name, "size": list(plan.container.size)},
+        "container": {
+            "name": plan.container.name,
+            "size": list(plan.container.size),
+            "max_kg": plan.container.max_kg,
+        },
         "made_by": plan.made_by,
         "lying": plan.lying,
         "settings": plan.settings,
@@ -274,7 +278,9 @@ class _Reader:
         name = box.get("name")
         try:
             length, width, height = size.tolist()
-            container = Container(length, width, height, name if isinstance(name, str) else None)
+            container = Container(
+                length, width, height, name if isinstance(name, str) else None, box.get("max_kg")
+            )
         except ContainerError as problem:
             raise PlanError(f"{self.path}: {problem}") from None
         unit = document.get("unit")

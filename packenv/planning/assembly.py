@@ -232,6 +232,7 @@ def assemble(
         items.shapes if options.heights == "mesh" else None,
         # FirstFit and Random are yardsticks: they know no better place than the next one.
         "grid" if name_of(heuristic) in ("first-fit", "random") else options.places,
+        items.masses,
     )
 
 

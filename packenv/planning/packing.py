@@ -16,10 +16,12 @@ class Pile:
     Attributes:
         surface: its heightmap.
         states: what each constraint keeps of the pile, in their order.
+        mass: of what is in it, kg.
     """
 
     surface: ContainerMap
     states: tuple[Any, ...] = ()
+    mass: float = 0.0
 
 
 _PERHAPS = ("no-legal-candidate", "no-packable-candidate")

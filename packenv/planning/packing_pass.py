@@ -56,6 +56,7 @@ class PassRules:
         shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
             where the heightmaps say, as the paper does.
         places: whether places off the grid are candidates, too.
+        masses: of the items by name, kg: for containers that may not hold more than so much.
         only: rotations, as bytes, of items that are tried at some orientations alone.
     """
 
@@ -71,6 +72,7 @@ class PassRules:
     release: float = RELEASE_HEIGHT
     shapes: Mapping[str, Item] | None = None
     places: Places = "grid"
+    masses: Mapping[str, float] = field(default_factory=dict)
     only: Mapping[str, frozenset[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -91,7 +93,8 @@ class PassRules:
             surface: its heightmap.
             resting: what lies in it.
         """
-        return Pile(surface, tuple(constraint.start(resting) for constraint in self.constraints))
+        states = tuple(constraint.start(resting) for constraint in self.constraints)
+        return Pile(surface, states, sum(lying.item.mass for lying in resting))
 
 
 @dataclass(eq=False)
@@ -126,7 +129,18 @@ class PackingPass:
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
+        laden = self.pile.mass
         while (piece := waiting.current) is not None:
+            mass, most = self.planner.masses.get(piece.item, 0.0), self.container.max_kg
+            if most is not None and laden + mass > most:
+                why = (
+                    f"with {piece.item} ({mass:.3g} kg) the box would hold {laden + mass:.4g} of {most:g} kg"
+                )
+                if self.planner.give_up:
+                    return self.given_up(pieces, why)
+                leftovers.append(Leftover(piece.item, piece.instance, "box-overweight", why))
+                waiting.give_up()
+                continue
             if waiting.stage == 0:
                 rejected = self.first_pass(piece)
                 if rejected is not None:
@@ -144,6 +158,7 @@ class PackingPass:
                     waiting.give_up()
                     continue
             waiting.placed()
+            laden += mass
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 
 from packenv.items.plan_items import Items, options_of, shelf_of
-from packenv.types import Plan
+from packenv.types import Item, Plan
 from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
 from packenv.verification.stability_and_reach import Recheck, recheck
 
@@ -18,6 +20,7 @@ class Verification:
         audit: from the exact meshes: overlaps, protrusions, insertion from above, lost items.
         envelopes: the same from meshes and convex parts, for plans on these.
         misstated: steps (from 1) whose stated bounding box is not that of the item at its pose.
+        overweight: steps from which on the container holds more than it may.
         recheck: stability and the robot's way.
         unchecked: own constraints that the plan names; only their authors can check them.
         placed: number of placed items.
@@ -27,6 +30,7 @@ class Verification:
     audit: AuditReport
     envelopes: AuditReport | None
     misstated: tuple[int, ...]
+    overweight: tuple[int, ...]
     recheck: Recheck
     unchecked: tuple[str, ...]
     placed: int
@@ -36,13 +40,14 @@ class Verification:
     def ok(self) -> bool:
         """True where nothing was found."""
         sound = self.audit.ok and (self.envelopes is None or self.envelopes.ok)
-        return sound and not self.misstated and self.recheck.ok
+        return sound and not self.misstated and not self.overweight and self.recheck.ok
 
     def to_json(self) -> dict[str, object]:
         """The report as JSON-able lists and numbers; lengths in m, steps from 1."""
         document: dict[str, object] = {
             **self.audit.to_json(),
             "misstated_boxes": self.misstated,
+            "overweight_steps": self.overweight,
             **asdict(self.recheck),
             "unchecked_constraints": self.unchecked,
             "placed": self.placed,
@@ -52,6 +57,12 @@ class Verification:
         if self.envelopes is not None:
             document["envelopes"] = self.envelopes.to_json()
         return document
+
+
+def _overweight(plan: Plan, items: Mapping[str, Item]) -> tuple[int, ...]:
+    most = plan.container.max_kg
+    laden = accumulate(items[placement.item].mass for placement in plan.placements)
+    return tuple(k for k, mass in enumerate(laden, start=1) if most is not None and mass > most + 1e-9)
 
 
 def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = None) -> Verification:
@@ -74,6 +85,7 @@ def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = Non
         audit_plan(plan, items),
         audit_plan(plan, shapes) if options.shape == "parts" else None,
         misstated_boxes(plan, shapes),
+        _overweight(plan, items),
         recheck(plan, shapes, shelf.fields, options),
         tuple(str(name) for name in options.own_constraints),
         len(plan.placements),
