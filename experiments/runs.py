@@ -70,7 +70,7 @@ def finish(
     prepare: Callable[..., None],
     arguments: tuple[Any, ...],
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Do the jobs that have no row yet.
+    """Do the jobs that have no row yet, or one that tells of a failure.
 
     Args:
         work: a job to its row.

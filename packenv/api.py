@@ -84,7 +84,10 @@ def __getattr__(name: str) -> Any:
 
 
 def load_catalogue(
-    source: str | Path | Mapping[str, Any] | trimesh.Scene = "builtin", *, unit: str | None = None
+    source: str | Path | Mapping[str, Any] | trimesh.Scene = "builtin",
+    *,
+    unit: str | None = None,
+    density: float | None = None,
 ) -> Catalogue:
     """Open a catalogue of items.
 
@@ -94,12 +97,13 @@ def load_catalogue(
             ``trimesh.Scene``, each geometry of which is an item.
         unit: unit of the meshes: ``m``, ``cm``, ``mm`` or ``in``; None takes what a file, a table or a mesh
             states, else metres.
+        density: of the items of a folder that have no mass, kg/m³; None estimates their masses.
 
     Raises:
         InputError: the folder or its table is wrong, or a mesh in memory cannot be used. Mesh files are read
             when their items are first asked for.
     """
-    return catalogue_of(source, unit)
+    return catalogue_of(source, unit, density)
 
 
 def load_order(path: str | Path, catalogue: Items = "builtin") -> Order:

@@ -465,6 +465,7 @@ class Plan:
         source: the file that it came from, for messages; None for a plan that was just made.
         lying: how many of the first placements lay in the container already, at these poses.
         made_with: the options themselves, where the plan was made in this process; they are in no file.
+        density: that the user gave for items without a mass, kg/m³, or None.
     """
 
     container: Container
@@ -481,6 +482,7 @@ class Plan:
     source: Path | None = None
     lying: int = 0
     made_with: object = field(default=None, repr=False)
+    density: float | None = None
 
     def __repr__(self) -> str:
         """A line for people."""

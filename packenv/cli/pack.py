@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
     options = options_from(arguments)
     require_engine(options)
-    catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit)
+    catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit, density=arguments.density)
     read = [arguments.order, arguments.boxes or boxes_file(), *catalogue.files, *cell_files(arguments.cell)]
     check_outputs({f"--{name}": getattr(arguments, name) for name in _OUTPUTS}, read)
     check_suffix(arguments.out, "--out", (".json", ""))

@@ -188,6 +188,12 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     pack.add_argument("order", metavar="ORDER", type=Path, help="order file: CSV (item,qty) or JSON")
     _catalogue_options(pack, "builtin")
     pack.add_argument(
+        "--density",
+        type=float,
+        metavar="KG/M3",
+        help="density of the items without a mass (default: masses are estimated from volume and hull volume)",
+    )
+    pack.add_argument(
         "--container",
         default="auto",
         metavar="SIZE|ID|auto",

@@ -61,6 +61,7 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "units": dict(_UNITS),
         "catalogue": plan.catalogue,
         "unit": plan.unit,
+        "density": plan.density,
         "container": {
             "name": plan.container.name,
             "size": list(plan.container.size),
@@ -304,6 +305,7 @@ class _Reader:
             metrics=self.mapping(document, "metrics"),
             catalogue=self.text(document, "catalogue", "the plan"),
             unit=unit if isinstance(unit, str) else None,
+            density=None if document.get("density") is None else self.number(document, "density", "the plan"),
             order=tuple(
                 OrderLine(self.text(row, "item", f"order[{k}]"), self.count(row, "qty", f"order[{k}]", 1))
                 for k, row in enumerate(self.rows(document, "order"))

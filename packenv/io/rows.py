@@ -1,4 +1,4 @@
-"""Result rows on disk: one JSON object a line, never lost once it is written, never written twice."""
+"""Result rows on disk: one JSON object a line, never lost once it is written."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ class RowFile:
         content = path.read_bytes() if path.exists() else b""
         whole = content[: content.rfind(b"\n") + 1]
         torn = content[len(whole) :]
-        self._keys = {_key(line, k, path) for k, line in enumerate(whole.split(b"\n")[:-1], start=1)}
+        lines = enumerate(whole.split(b"\n")[:-1], start=1)
+        self._done = dict(_key(line, k, path) for k, line in lines)
         if torn:
             # Rows are objects: what begins otherwise is no torn row but a file of somebody else's.
             if not torn.startswith(b"{"):
@@ -40,15 +41,15 @@ class RowFile:
                 stream.truncate(len(whole))
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        """Every finished row, in the order of writing."""
+        """The last row of each job, in the order in which the jobs were first done."""
         if self.path.exists():
             with self.path.open(encoding="utf-8") as stream:
-                for line in stream:
-                    yield json.loads(line)
+                rows = map(json.loads, stream)
+                yield from {row["key"]: row for row in rows}.values()
 
     def __contains__(self, key: object) -> bool:
-        """Whether the job with this key has its row."""
-        return key in self._keys
+        """Whether the job with this key has its row; one that tells of an ``error`` is done again."""
+        return self._done.get(key, False)
 
     def append(self, row: dict[str, Any]) -> None:
         """Write a row and wait until the disk has it."""
@@ -56,12 +57,14 @@ class RowFile:
             stream.write(json.dumps(row).encode() + b"\n")
             stream.flush()
             os.fsync(stream.fileno())
-        self._keys.add(row["key"])
+        self._done[row["key"]] = "error" not in row
 
 
-def _key(line: bytes, number: int, path: Path) -> str:
+def _key(line: bytes, number: int, path: Path) -> tuple[object, bool]:
+    """A row's key, and whether it tells of no error."""
     try:
-        return str(json.loads(line)["key"])
+        row = json.loads(line)
+        return str(row["key"]), "error" not in row
     except (ValueError, TypeError, KeyError):
         raise _foreign(path, number) from None
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from packenv.errors import CatalogueError, closest_item
+from packenv.errors import CatalogueError, closest_item, is_number
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
-from packenv.geometry.meshes import UNITS, check_unit, make_item
+from packenv.geometry.meshes import HEAVIEST, UNITS, check_unit, make_item
 from packenv.io.tables import Columns, Row, read_table, read_text
 from packenv.items.mesh_cache import kept_mesh
 from packenv.shipped import BUILTIN, MEMORY, assets_dir
@@ -53,14 +53,18 @@ class CatalogueEntry:
 class Catalogue:
     """The items of a folder by name; a mesh is loaded when its item is first asked for."""
 
-    def __init__(self, label: str, folder: Path, entries: dict[str, CatalogueEntry]) -> None:
+    def __init__(
+        self, label: str, folder: Path, entries: dict[str, CatalogueEntry], density: float | None = None
+    ) -> None:
         """Make a catalogue; users call :func:`open_catalogue`.
 
         Args:
             label: ``builtin``, or the folder as the user gave it.
             folder: where the files are.
             entries: by item name.
+            density: of the items whose entry has no mass, kg/m³; None estimates their masses.
         """
+        self.density = density
         self.label = label
         self.folder = folder
         self.entries = {normal_name(name): entry for name, entry in entries.items()}
@@ -98,7 +102,10 @@ class Catalogue:
         if name not in self._items:
             entry = self._entry(name)
             mesh = kept_mesh(self.folder / entry.file, entry.unit)
-            self._items[name] = make_item(name, mesh, file=entry.file, mass=entry.mass)
+            mass = entry.mass
+            if mass is None and self.density is not None:
+                mass = self.density * mesh.solid.volume
+            self._items[name] = make_item(name, mesh, file=entry.file, mass=mass)
         return self._items[name]
 
     def parts_file(self, name: str) -> Path | None:
@@ -127,7 +134,9 @@ class Catalogue:
         return self.entries[normal_name(name)]
 
 
-def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Catalogue:
+def open_catalogue(
+    folder: Path | str | None, *, unit: str | None = None, density: float | None = None
+) -> Catalogue:
     """Open a catalogue: its table is read and checked now, its meshes later.
 
     ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
@@ -138,15 +147,20 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
     Args:
         folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
         unit: unit of every mesh whose row names none: ``m``, ``cm``, ``mm`` or ``in``.
+        density: of the items without a mass, kg/m³; None estimates their masses.
 
     Returns:
         The catalogue.
 
     Raises:
-        CatalogueError: no such folder, no meshes in it, or something wrong in its table.
+        CatalogueError: no such folder, no meshes in it, something wrong in its table, or no such density.
         UnitError: an unknown unit.
     """
     check_unit(unit)
+    if density is not None and not (is_number(density) and 1.0 <= density <= HEAVIEST):
+        raise CatalogueError(
+            f"density is {density!r:.60}, give kg/m³ from 1 to {HEAVIEST:,.0f}: water has 1000"
+        )
     label = BUILTIN if folder is None else str(folder)
     if label == MEMORY:
         raise CatalogueError(
@@ -165,7 +179,7 @@ def open_catalogue(folder: Path | str | None, *, unit: str | None = None) -> Cat
         entries = _table_entries(table, unit) if table.exists() else _bare_entries(path, unit)
     except OSError as problem:
         raise CatalogueError(f"{label}: cannot be read ({problem.strerror})") from None
-    return Catalogue(label, path, entries)
+    return Catalogue(label, path, entries, density)
 
 
 def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:

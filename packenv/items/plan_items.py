@@ -28,14 +28,14 @@ Items: TypeAlias = "Catalogue | ItemShelf | str | Path | Mapping[str, Any] | tri
 """Where items are from: what ``packenv.load_catalogue`` takes or gives, or a shelf that has loaded some of it."""
 
 
-def catalogue_of(catalogue: Items, unit: str | None = None) -> Catalogue:
+def catalogue_of(catalogue: Items, unit: str | None = None, density: float | None = None) -> Catalogue:
     """The catalogue that items are from."""
     if isinstance(catalogue, ItemShelf):
         return catalogue.catalogue
     if isinstance(catalogue, Catalogue):
         return catalogue
     if isinstance(catalogue, str | Path):
-        return open_catalogue(catalogue, unit=unit)
+        return open_catalogue(catalogue, unit=unit, density=density)
     return Catalogue.of_items(items_of_meshes(catalogue, unit))
 
 
@@ -150,7 +150,9 @@ def shelf_of(
         )
     elif catalogue is None or isinstance(catalogue, str | Path):
         try:
-            catalogue = open_catalogue(catalogue or plan.catalogue, unit=unit or plan.unit)
+            catalogue = open_catalogue(
+                catalogue or plan.catalogue, unit=unit or plan.unit, density=plan.density
+            )
         except CatalogueError as problem:
             if catalogue is not None:
                 raise

@@ -52,6 +52,7 @@ def make_plan(
         },
         catalogue=shelf.catalogue.label,
         unit=unit,
+        density=shelf.catalogue.density,
         order=order,
         meshes=mesh_records(names, shelf),
         made_by=packing.made_by,

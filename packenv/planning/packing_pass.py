@@ -361,7 +361,10 @@ class PackingPass:
             detail = next((why for why in explained if why is not None), f"{item.name} is too heavy")
         elif words == [NO_GRASP] and None not in objections:
             reason = "no-graspable-spot"
-            detail = f"{item.name} has no graspable spot in any orientation that fits"
+            detail = (
+                f"{item.name} has no graspable spot in any orientation that fits; a less strict rule of --grasp, or "
+                "--constraints stability, which asks for no robot, may do"
+            )
         elif words and None not in objections:
             reason = "no-usable-orientation"
             detail = f"every orientation of {item.name} that fits is ruled out: {', '.join(words)}"

@@ -625,3 +625,21 @@ def test_a_plan_that_fails_its_rehearsals_is_a_failure(
     out = capsys.readouterr().out
     for word in words:
         assert word in out
+
+
+def test_a_density_gives_the_masses_that_the_table_does_not(
+    shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order, plan = tmp_path / "order.csv", tmp_path / "p.json"
+    order.write_text("item\nbrick\nbeaker\n")
+    assert _pack(order, shelf, "--density", "500", "--out", plan) == 0
+    document = json.loads(plan.read_text())
+    beaker, brick = (document["meshes"][name] for name in ("beaker", "brick"))
+    assert beaker["mass"] == pytest.approx(500 * beaker["volume"])
+    assert (beaker["mass_estimated"], brick["mass"], document["density"]) == (False, 0.5, 500.0)
+    assert api.load_plan(plan).items["beaker"].mass == beaker["mass"]
+    capsys.readouterr()
+    assert main(["verify", str(plan)]) == 0
+    for wrong in ("0", "-5", "nan", "30000"):
+        capsys.readouterr()
+        refused(capsys, _pack(order, shelf, f"--density={wrong}"), "density is", "kg/m³ from 1 to 22,600")

@@ -178,7 +178,10 @@ def test_a_stick_that_no_cup_can_take_is_left_over(
     assert (left["item"], left["reason"]) == ("stick", "no-graspable-spot")
     assert set(left["rejections"]) == {"orientation-no-grasp"}
     assert pack(order, shelf) == 1
-    assert "no graspable spot" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "no graspable spot" in told
+    assert "--grasp" in told
+    assert "--constraints stability" in told
 
 
 def test_a_deep_container_is_out_of_reach(

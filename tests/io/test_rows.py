@@ -51,3 +51,17 @@ def test_a_file_of_something_else_is_refused_and_left_as_it_is(
     with pytest.raises(InputError, match=rf"notes, line {line}: is no row"):
         RowFile(path)
     assert path.read_bytes() == content
+
+
+def test_a_job_that_failed_is_done_again_and_its_last_row_counts(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    file = RowFile(path)
+    file.append({"key": "a", "error": "no memory"})
+    file.append({"key": "b", "value": 2})
+    for known in (file, RowFile(path)):
+        assert "a" not in known
+        assert "b" in known
+    file.append({"key": "a", "value": 1})
+    for known in (file, RowFile(path)):
+        assert "a" in known
+        assert list(known) == [{"key": "a", "value": 1}, {"key": "b", "value": 2}]
