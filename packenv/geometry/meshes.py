@@ -15,7 +15,7 @@ from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
-FORMAT = 2
+FORMAT = 3
 """Raise this when reading or mending changes: meshes that are kept in another format are read anew."""
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
