@@ -75,7 +75,7 @@ class TestFiles:
     def test_text_stl_cut_between_facets(self, tmp_path):
         text = cup().export(file_type="stl_ascii")
         path = tmp_path / "a.stl"
-        path.write_text(text[: text.rindex("endfacet") + 8])
+        path.write_text(text[: text.rindex("endfacet", 0, text.rindex("endfacet")) + 8])
         refused(lambda: load_mesh(path), path, "truncated", error=MeshError)
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
