@@ -170,6 +170,18 @@ class TestPlate:
         assert volume == pytest.approx(BRICK)
         assert notes == ("1 on its build plate left out (not printable)",)
 
+    @pytest.mark.parametrize(
+        ("items", "word"),
+        [
+            ([], "nothing solid is on its build plate$"),
+            (['<item objectid="1" printable="0"/>'], "plate; 1 on its build plate left out"),
+        ],
+    )
+    def test_a_plate_without_a_solid(self, items, word, tmp_path):
+        model = model_3mf("millimeter", [object_3mf(1, brick())], items)
+        with pytest.raises(MeshError, match=word):
+            load_mesh(write_3mf(tmp_path / "a.3mf", model))
+
     def test_objects_of_other_model_files(self, tmp_path):
         """The same number stands for another object in each file; both transforms apply."""
         there = f'{PRODUCTION} p:path="/3D/Objects/part.model" objectid="2"'

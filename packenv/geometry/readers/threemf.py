@@ -120,6 +120,7 @@ class _Model:
         self.parts: dict[tuple[str, str], int] = {}
         self.ranges: dict[str, list[list[int]]] = {}
         self.totals: dict[Key, tuple[int, ...]] = {}
+        self._roles: dict[Key, IntArray] = {}
         self._archive = archive
         self._names = {name.lower().lstrip("/"): name for name in archive.namelist()}
         self._tags = self._references = 0
@@ -168,7 +169,10 @@ class _Model:
             (left_out, f"{left_out} modifier or support volumes left out"),
             (subtracted, f"{subtracted} negative volumes subtracted"),
         )
-        return solids, tuple(text for true, text in said if true)
+        notes = tuple(text for true, text in said if true)
+        if not solids and (notes or not self.build):
+            raise MeshError("; ".join(("nothing solid is on its build plate", *notes)))
+        return solids, notes
 
     def _parse(self, name: str, start: Callable[[str, dict[str, str]], None]) -> None:
         if name not in self._names:
@@ -290,17 +294,21 @@ class _Model:
             points = points @ matrix[:3, :3] + matrix[3, :3]
             if np.linalg.det(matrix[:3, :3]) < 0:
                 corners = corners[:, ::-1]
-        roles = np.full(len(corners), role)
-        for first, last, own in (
-            self.ranges.get(reference.key[1], ()) if reference.key[0] == self.root else ()
-        ):
-            roles[max(first, 0) : max(last + 1, 0)] = own if role == _SOLID else role
+        roles = self._triangle_roles(reference.key) if role == _SOLID else np.full(len(corners), role)
         for own in np.unique(roles).tolist():
             yield own, points, corners[roles == own]
         for part in thing.held:
             named = self.parts.get((reference.key[1], part.key[1]), given)
             # What a left-out or negative object holds is of its kind.
             yield from self._placed(part, named if role == _SOLID else role, matrix)
+
+    def _triangle_roles(self, key: Key) -> IntArray:
+        """(m,) role of each triangle of a solid object."""
+        if key not in self._roles:
+            roles = self._roles[key] = np.full(len(self.objects[key].corners) // 3, _SOLID)
+            for first, last, own in self.ranges.get(key[1], ()) if key[0] == self.root else ():
+                roles[max(first, 0) : max(last + 1, 0)] = own
+        return self._roles[key]
 
 
 def _plain(name: str) -> str:
