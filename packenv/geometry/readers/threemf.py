@@ -52,7 +52,7 @@ _VOLUME_TYPES = {
     "supportenforcer": _LEFT_OUT,
     "supportblocker": _LEFT_OUT,
 }
-_CURA_HELPERS = {f"cura:{kind}_mesh": _LEFT_OUT for kind in ("infill", "cutting", "support", "anti_overhang")}
+_CURA_HELPERS = tuple(f"cura:{kind}_mesh" for kind in ("infill", "cutting", "support", "anti_overhang"))
 _OTHER_SHAPES = ("beamlattice", "booleanshape", "displacementmesh", "volumetricstack", "levelset")
 
 Key = tuple[str, str]
