@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +76,29 @@ def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> Path:
     text = [" ".join(["v", *(repr(float(x)) for x in v)]) for v in vertices]
     text += [" ".join(["f", *(str(int(i) + 1) for i in f)]) for f in faces]
     path.write_text("\n".join(text) + "\n")
+    return path
+
+
+def object_3mf(number: int, mesh: trimesh.Trimesh) -> str:
+    points = "".join(
+        f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in np.array(mesh.vertices).tolist()
+    )
+    corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in np.array(mesh.faces).tolist())
+    mesh_text = f"<vertices>{points}</vertices><triangles>{corners}</triangles>"
+    return f'<object id="{number}"><mesh>{mesh_text}</mesh></object>'
+
+
+def model_3mf(unit: str, objects: Sequence[str], items: Sequence[str]) -> str:
+    return (
+        f'<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" unit="{unit}">'
+        f"<resources>{''.join(objects)}</resources><build>{''.join(items)}</build></model>"
+    )
+
+
+def write_3mf(path: Path, model: str, **others: str) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in {"3D/3dmodel.model": model, **others}.items():
+            archive.writestr(name, text)
     return path
 
 

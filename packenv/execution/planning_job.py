@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from packenv.items.shelf import ItemShelf
+from packenv.items.sizes import suspicious_sizes
 from packenv.planning.assembly import assemble, packer
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
@@ -64,10 +65,12 @@ class PlanningJob:
             physics=options.asks_physics,
             progress=self.watcher.progress,
         )
-        for name in dict.fromkeys(names):
-            item = self.shelf.items[name]
-            if item.repairs:
-                self.watcher.remark(f"{item.file}: repaired: {'; '.join(item.repairs)}")
+        items = {name: self.shelf.items[name] for name in names}
+        sizes = suspicious_sizes({name: float(item.extents.max()) for name, item in items.items()})
+        for name, item in items.items():
+            repaired = [f"repaired: {'; '.join(item.repairs)}"] if item.repairs else []
+            for text in (*repaired, *item.notes, *filter(None, [sizes.get(name)])):
+                self.watcher.remark(f"{item.file}: {text}")
 
     def sequence(self, names: Sequence[str]) -> list[str]:
         """The names in the sequence in which they are packed."""

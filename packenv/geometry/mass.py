@@ -12,6 +12,9 @@ from packenv.types import FloatArray, IntArray
 TYPICAL_DENSITY = 370.0
 """kg/m³ over the geometric mean of an item's volume and its hull's volume; see :func:`estimated_mass`."""
 
+ROUNDING = 1e-6
+"""Share of an item's size or moment that is left to rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class SolidProperties:
@@ -72,6 +75,32 @@ def _centred(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatAr
     """Triangles about the centre of the bounding box: integrals far from the origin lose digits."""
     middle: FloatArray = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     return (vertices - middle)[faces], middle
+
+
+def impossible(vertices: FloatArray, solid: SolidProperties) -> str | None:
+    """What no solid of uniform density can have: a surface that runs through itself counts parts below zero.
+
+    Args:
+        vertices: (n, 3), m, of the surface.
+        solid: what it encloses.
+
+    Returns:
+        What is wrong, or None.
+    """
+    from scipy.spatial import ConvexHull
+
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    hull = ConvexHull(vertices - middle)
+    outside = float((hull.equations[:, :3] @ (solid.com - middle) + hull.equations[:, 3]).max())
+    if outside > ROUNDING * float(np.ptp(vertices, axis=0).max()):
+        return f"its centre of mass lies {outside * 1000:.3g} mm outside its convex hull"
+    if solid.volume > hull.volume * (1 + ROUNDING):
+        return "it encloses more than its convex hull"
+    moments = np.linalg.eigvalsh(solid.inertia)
+    # Of any mass, two moments are together as large as the third.
+    if moments[0] < -ROUNDING * moments[2] or moments[:2].sum() < moments[2] * (1 - ROUNDING):
+        return "its moments of inertia are those of no mass"
+    return None
 
 
 def hull_volume(vertices: FloatArray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import dataclasses
 import importlib
 import io
@@ -62,9 +64,17 @@ def file_bytes(path: Path) -> bytes:
         if size > MAX_FILE_BYTES:
             limit = MAX_FILE_BYTES >> 20
             raise MeshError(f"{path}: {size >> 20} MiB, the limit is {limit} MiB; decimate the mesh")
-        return path.read_bytes().removeprefix(b"\xef\xbb\xbf")  # a text editor's mark of UTF-8
+        return _plain_text(path.read_bytes())
     except OSError as problem:
         raise MeshError(f"{path}: cannot be read ({problem.strerror})") from None
+
+
+def _plain_text(data: bytes) -> bytes:
+    """Without the mark of UTF-8 that text editors write, and text in UTF-16 as ASCII."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        with contextlib.suppress(UnicodeError):  # else it is binary, or text in another encoding
+            return data.decode("utf-16").encode("ascii")
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def parsed_mesh(path: Path, data: bytes) -> RawMesh:

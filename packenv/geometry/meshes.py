@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from packenv.errors import MeshError, UnitError
-from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, solid_properties
+from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, impossible, solid_properties
 from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
 from packenv.geometry.repair import mend, used_part
 from packenv.types import FloatArray, IntArray, Item
 
-FORMAT = 2
+FORMAT = 3
 """Raise this when reading or mending changes: meshes that are kept in another format are read anew."""
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
@@ -29,6 +29,12 @@ SMALLEST, LARGEST = 0.002, 2.0
 
 FLAT = 1e-7
 """A surface whose spread across its own plane is below this share of its size is flat."""
+
+LONG = 1.0
+"""An item longer than this, m, is suspicious where nobody said that its numbers are metres."""
+
+COARSE = 1e-3
+"""Single precision has lost a shape where its steps are this share of the item's size."""
 
 HEAVIEST = 22_600.0
 """kg/m³ of osmium: a mass above it was hardly given in kilograms."""
@@ -90,11 +96,24 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
     if not len(surface.faces):
         raise MeshError(f"{path}: no face has three different corners, so it has no surface")
     _check_size(path, surface.vertices, scale, unit, raw.metres)
+    said = (_coarse(surface.vertices, scale), _long(surface.vertices, unit, raw.metres))
+    notes = (*raw.notes, *surface.notes, *filter(None, said))
     vertices = surface.vertices if scale == 1.0 else surface.vertices * scale
-    _check_not_flat(path, vertices)
-    result = mend(path, type(surface)(vertices, surface.faces, surface.repairs, raw.notes + surface.notes))
+    try:
+        _check_not_flat(path, vertices)
+        result = mend(path, replace(surface, vertices=vertices, notes=notes))
+    except MeshError as problem:
+        # The holes and crossings of a shape that was lost are not what has to be mended.
+        raise MeshError("; ".join(filter(None, (str(problem), said[0])))) from None
     vertices, faces = np.ascontiguousarray(result.vertices), np.ascontiguousarray(result.faces)
-    return LoadedMesh(vertices, faces, solid_properties(vertices, faces), result.repairs, result.notes)
+    solid = solid_properties(vertices, faces)
+    wrong = impossible(vertices, solid)
+    if wrong:
+        raise MeshError(
+            f"{path}: its surface runs through itself so far that {wrong}; make it one clean surface in a "
+            "modelling program (Blender: modifier Remesh), or export its parts as closed bodies"
+        )
+    return LoadedMesh(vertices, faces, solid, result.repairs, result.notes)
 
 
 def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> Item:
@@ -222,14 +241,39 @@ def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None
         found += f" with --unit {unit}"
     elif own is None:
         found += " if its numbers are metres"
-    fits = [u for u, factor in UNITS.items() if SMALLEST <= raw_size * factor <= LARGEST and u != unit]
-    # Millimetres are by far the most usual of the units that are not metres.
-    best = "mm" if "mm" in fits else (fits[0] if fits else None)
-    if best is None:
-        hint = "no --unit makes it so; scale it when exporting"
-    else:
-        hint = f"give its unit: --unit {best} makes it {raw_size * UNITS[best]:.3g} m"
+    fits = _other_units(raw_size, unit)
+    hint = f"give its unit: --unit {fits}" if fits else "no --unit makes it so; scale it when exporting"
     raise UnitError(f"{found}, items are {SMALLEST * 1000:g} mm to {LARGEST:g} m; {hint}")
+
+
+def _other_units(raw_size: float, unit: str | None) -> str:
+    """What an item would measure in the units that fit, as words; empty where none fits."""
+    sizes = {u: raw_size * factor for u, factor in UNITS.items() if u != unit}
+    fits = [f"{u} makes it {size:.3g} m" for u, size in sizes.items() if SMALLEST <= size <= LARGEST]
+    # Millimetres are by far the most usual of the units that are not metres.
+    usual = [text for text in fits if text.startswith("mm ")]
+    return (usual or [", ".join(fits)])[0]
+
+
+def _long(vertices: FloatArray, unit: str | None, own: float | None) -> str | None:
+    """What to say of an item that is long if its numbers are metres, which nobody said."""
+    size = float(np.ptp(vertices, axis=0).max())
+    if size <= LONG or unit is not None or own is not None:
+        return None
+    others = _other_units(size, "m")
+    return f"suspicious: {size:.3g} m if its numbers are metres" + (f"; --unit {others}" if others else "")
+
+
+def _coarse(vertices: FloatArray, scale: float) -> str | None:
+    """What to say of coordinates in single precision that are too far off for the item's size."""
+    size, far = float(np.ptp(vertices, axis=0).max()), np.abs(vertices).max()
+    step = float(np.spacing(np.float32(far)))
+    if step < COARSE * size or not np.array_equal(vertices, vertices.astype(np.float32)):
+        return None
+    return (
+        f"it lies {far * scale:.3g} m from the origin, where single precision is {step * scale * 1000:.2g} mm "
+        f"coarse: its shape is rounded; move it to the origin before exporting"
+    )
 
 
 def _check_not_flat(path: Path, vertices: FloatArray) -> None:

@@ -1,8 +1,9 @@
 """From the triangles of a file to the surface of a solid, with as little change as possible.
 
 What is mended is always said; what would need an invented surface is an error. A sound mesh comes out
-with the very numbers that went in. One fault is not looked for: a single body that runs through
-itself; its volume counts the part inside twice, its heightmaps stay right.
+with the very numbers that went in. One fault is not mended: a single body that runs through
+itself; its volume counts the part inside twice, its heightmaps stay right. Where its mass properties are those
+of no solid, it is refused (:func:`packenv.geometry.mass.impossible`).
 """
 
 from __future__ import annotations

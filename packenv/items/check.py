@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from packenv.errors import InputError
 from packenv.geometry.mass import hull_volume
 from packenv.items.catalogue import Catalogue, open_catalogue
+from packenv.items.sizes import suspicious_sizes
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,12 @@ def check_items(
     """
     catalogue = open_catalogue(folder, unit=unit)
     names: Iterable[str] = progress(catalogue.names) if progress else catalogue.names
-    return [_report(catalogue, name) for name in names]
+    reports = [_report(catalogue, name) for name in names]
+    said = suspicious_sizes({r.name: max(r.extents) for r in reports if r.extents})
+    return [
+        replace(r, text="; ".join(filter(None, (r.text, said[r.name])))) if r.name in said else r
+        for r in reports
+    ]
 
 
 def _report(catalogue: Catalogue, name: str) -> ItemReport:

@@ -88,6 +88,38 @@ def test_the_parser_offers_every_heuristic(capsys: pytest.CaptureFixture[str]) -
     assert f"{{{','.join(HEURISTIC_NAMES)}}}|MODULE:NAME" in capsys.readouterr().out
 
 
+def test_pack_says_what_is_odd_about_its_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two solids in one file, a part that was mended, and one of 100 times the others' size."""
+    block = trimesh.creation.box((0.01, 0.01, 0.01))
+    far = block.copy().apply_translation((0.02, 0, 0))
+    trimesh.util.concatenate([block, far]).export(tmp_path / "two.stl")
+    turned = block.copy()
+    turned.invert()
+    turned.export(tmp_path / "turned.stl")
+    block.export(tmp_path / "small.stl")
+    block.copy().apply_scale(100).export(tmp_path / "large.stl")
+    order = tmp_path / "o.csv"
+    order.write_text("item,qty\ntwo,1\nturned,1\nsmall,2\nlarge,1\n")
+    assert main(
+        [
+            "pack",
+            str(order),
+            "--catalogue",
+            str(tmp_path),
+            "--container",
+            "1.2x1.2x1.2",
+            "--constraints",
+            "overlap",
+        ]
+    ) in (0, 1)
+    lines = [line.removeprefix("robotpack: ") for line in capsys.readouterr().err.splitlines()]
+    assert "two.stl: 2 disjoint bodies: taken as one rigid item" in lines
+    assert "turned.stl: repaired: turned inside out (the faces pointed inward)" in lines
+    said = [line for line in lines if "suspicious" in line]
+    assert len(said) == 1
+    assert said[0].startswith("large.stl: suspicious: 1 m, 100 times longer")
+
+
 def test_verify_finds_a_tampered_plan(
     order: Path, shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import itertools
 import json
 import struct
@@ -19,7 +18,19 @@ from packenv.errors import MeshError, UnitError
 from packenv.geometry.mass import signed_volume
 from packenv.geometry.meshes import make_item
 from packenv.geometry.topology import is_solid
-from tests.mesh_samples import arrays, ball, block, cup, load_mesh, write_mesh, write_obj, write_ply
+from tests.mesh_samples import (
+    arrays,
+    ball,
+    block,
+    cup,
+    load_mesh,
+    model_3mf,
+    object_3mf,
+    write_3mf,
+    write_mesh,
+    write_obj,
+    write_ply,
+)
 
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 """The faces of a block."""
@@ -305,32 +316,6 @@ class TestScenes:
             archive.writestr("_rels/.rels", relations)
             archive.writestr("3D/Main.model", model)
         assert np.ptp(load_mesh(path).vertices, axis=0) == pytest.approx([0.04, 0.02, 0.01])
-
-    def test_3mf_objects_of_other_model_files_are_refused(self, tmp_path):
-        """The library takes every mesh of the file, or none, whatever the reference says."""
-        path = tmp_path / "a.3mf"
-        production = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
-        reference = f'xmlns:p="{production}" p:path="/3D/Objects/part.model" objectid="2"'
-        other = model_3mf("millimeter", [object_3mf(2, block(40, 20, 10))], [])
-        for objects, items in (
-            ([f'<object id="1"><components><component {reference}/></components></object>'], 'objectid="1"'),
-            ([object_3mf(2, block(90, 90, 90))], reference),
-        ):
-            main = model_3mf("millimeter", objects, [f"<item {items}/>"])
-            write_3mf(path, main, **{"3D/Objects/part.model": other})
-            with pytest.raises(MeshError, match="other model files"):
-                load_mesh(path)
-
-    @pytest.mark.parametrize("kind", ["other", "support"])
-    def test_3mf_volumes_that_are_not_solid_are_refused(self, kind, tmp_path):
-        path = tmp_path / "a.3mf"
-        model = model_3mf("millimeter", [object_3mf(1, block(40, 20, 10))], ['<item objectid="1"/>'])
-        write_3mf(path, model.replace("<object ", f'<object type="{kind}" '))
-        with pytest.raises(MeshError, match="negative, modifier or support"):
-            load_mesh(path)
-        write_3mf(path, model, **{"Metadata/Slic3r_PE_model.config": '<metadata value="NegativeVolume"/>'})
-        with pytest.raises(MeshError, match="negative, modifier or support"):
-            load_mesh(path)
 
     def test_3mf_pieces_of_one_part_number_are_all_there(self, tmp_path):
         path = tmp_path / "a.3mf"
@@ -729,30 +714,6 @@ def test_loading_a_scan_is_quick(objects_dir):
         times.append(time.process_time() - start)
     # About 16 ms; the bound leaves room for a machine that is busy.
     assert min(times) < 0.05
-
-
-def object_3mf(number, mesh):
-    points = "".join(
-        f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in np.array(mesh.vertices).tolist()
-    )
-    corners = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in np.array(mesh.faces).tolist())
-    mesh_text = f"<vertices>{points}</vertices><triangles>{corners}</triangles>"
-    return f'<object id="{number}"><mesh>{mesh_text}</mesh></object>'
-
-
-def model_3mf(unit, objects, items):
-    return (
-        f'<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" unit="{unit}">'
-        f"<resources>{''.join(objects)}</resources><build>{''.join(items)}</build></model>"
-    )
-
-
-def write_3mf(path, model, **others):
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in {"3D/3dmodel.model": model, **others}.items():
-            archive.writestr(name, text)
-    path.write_bytes(buffer.getvalue())
 
 
 def write_glb(path, vertices, runs, nodes, **changes):

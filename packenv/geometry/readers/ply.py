@@ -75,7 +75,7 @@ def _header(lines: Sequence[str]) -> tuple[str, dict[str, _Element]]:
         if kind.removeprefix("list ") not in _TYPES or name not in found or column in found[name].columns:
             raise MeshError(f"damaged PLY header, cannot read the line {brief(line)!r}")
         found[name].columns[column] = kind
-    if "tristrips" in found and "face" not in found:
+    if "tristrips" in found and found["tristrips"].rows:
         raise MeshError("its surface is in triangle strips (tristrips); export it with faces")
     return form, found
 

@@ -83,7 +83,7 @@ def read_scene(kind: str, data: bytes, **options: Any) -> Any:
     """What trimesh makes of a file's bytes, nothing merged or dropped.
 
     Args:
-        kind: ``stl``, ``off``, ``ply``, ``glb`` or ``3mf``.
+        kind: ``stl``, ``off``, ``ply`` or ``glb``.
         data: what the gate lets through.
         options: for trimesh's reader.
 
