@@ -714,7 +714,7 @@ class TestOrders:
             ("o.csv", "item,quantity\nbowl,2\n", ["unknown column 'quantity'"]),
             ("o.csv", "item;qty\nbowl;2\n", ["semicolons"]),
             ("o.csv", b"item,qty\nb\xf6wl,2\n", ["UTF-8"]),
-            ("o.json", "{", ["not a JSON file"]),
+            ("o.json", "{", ["is not JSON"]),
             ("o.json", "3", ["no list of items"]),
             ("o.json", '{"order": []}', ["no list of items"]),
             ("o.json", "[3]", ["item 1", "name"]),
@@ -726,7 +726,7 @@ class TestOrders:
             ("o.json", '[{"item": "bowl", "qty": NaN}]', ["qty is NaN"]),
             ("o.json", '[{"item": "bowl", "count": 2}]', ["unknown key 'count'"]),
             ("o.json", '["bowk"]', ["item 1", "did you mean 'bowl'"]),
-            ("o.json", "[" * 100_000, ["not a JSON file"]),
+            ("o.json", "[" * 100_000, ["is not JSON"]),
         ],
     )
     def test_a_bad_order(self, name, text, words, tmp_path):
