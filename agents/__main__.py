@@ -55,7 +55,10 @@ def read_document(text: str, option: str) -> dict[str, object]:
     inline = text.lstrip().startswith("{")
     where = option if inline else f"{option} {text}"
     right = "a file of JSON or JSON itself"
-    document = parse_json(text, option, right) if inline else read_json(Path(text), right)
+    try:
+        document = parse_json(text, option, right) if inline else read_json(Path(text), right)
+    except InputError as problem:
+        raise problem if inline else InputError(f"{option} {problem}") from None
     if not isinstance(document, dict):
         raise InputError(f"{where}: is {document!r:.60}, give a mapping, in braces")
     return document

@@ -8,12 +8,10 @@ exits with code 2. "It cannot be packed" is not an error: it is an answer, and a
 from __future__ import annotations
 
 import difflib
-import sys
+import math
 from collections.abc import Collection, Iterable, Sequence
 from numbers import Integral, Real
-from typing import Any, TypeGuard
-
-_LARGEST = sys.float_info.max
+from typing import TypeGuard
 
 
 class RobotPackError(Exception):
@@ -51,9 +49,12 @@ def is_number(value: object, *, whole: bool = False) -> TypeGuard[float]:
 
     A whole number beyond the largest float is none either: it cannot be converted.
     """
-    number: Any = value
-    real = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
-    return real and bool(-_LARGEST <= number <= _LARGEST)
+    if not isinstance(value, Integral if whole else Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def closest_match(name: object, known: Iterable[str], otherwise: str = "") -> str:
