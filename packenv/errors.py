@@ -49,7 +49,7 @@ def is_number(value: object, *, whole: bool = False) -> TypeGuard[float]:
 
     A whole number beyond the largest float is none either: it cannot be converted.
     """
-    if not isinstance(value, Integral if whole else Real) or isinstance(value, bool):
+    if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
         return False
     try:
         return math.isfinite(value)
