@@ -174,6 +174,12 @@ class _Reader:
             raise self.fail(f"{where}.{key}", value, "a finite number")
         return float(value)
 
+    def positive(self, table: object, key: str, where: str) -> float:
+        value = self.number(table, key, where)
+        if not value > 0.0:
+            raise self.fail(f"{where}.{key}", value, "a number above 0")
+        return value
+
     def count(self, table: object, key: str, where: str, least: int) -> int:
         value = self.get(table, key, where)
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
@@ -252,8 +258,8 @@ class _Reader:
         record = MeshRecord(
             self.text(row, "file", where),
             self.text(row, "sha256", where),
-            self.number(row, "volume", where),
-            self.number(row, "mass", where),
+            self.positive(row, "volume", where),
+            self.positive(row, "mass", where),
             bool(self.get(row, "mass_estimated", where)),
         )
         if not isinstance(row, Mapping) or "envelope_sha256" not in row:
