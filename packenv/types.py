@@ -328,8 +328,9 @@ class Leftover:
         item: name of the item.
         instance: as in :class:`Placement`.
         reason: a word for programs: ``larger-than-container``, ``no-fitting-orientation``, ``unreachable-container``,
-            ``no-legal-candidate``, ``no-graspable-spot``, ``no-usable-orientation``, ``given-up`` (another item of
-            the order found no place) or, where legal candidates were rejected, ``no-packable-candidate``.
+            ``no-legal-candidate``, ``no-graspable-spot``, ``too-heavy``, ``no-usable-orientation``, ``given-up``
+            (another item of the order found no place) or, where legal candidates were rejected,
+            ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """

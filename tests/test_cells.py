@@ -61,7 +61,7 @@ def test_a_plan_for_another_cell_is_packed_verified_executed_and_drawn(
 ) -> None:
     code, plan = pack(order, "--cell", turned if cell == "turned" else cell)
     assert code == 0
-    assert "cell: kr10_r1100, gripper 0.3 m, container" in capsys.readouterr().out
+    assert "cell: kr10_r1100, gripper 0.3 m, holds 3.24 kg, container" in capsys.readouterr().out
     assert json.loads(plan.read_text())["settings"]["cell"]["robot"]["name"] == "kr10_r1100"
     assert main(["verify", str(plan)]) == 0
     gif = order.parent / "execution.gif"

@@ -167,7 +167,9 @@ def constraints_of(
         )
     if options.constraints == "robot":
         cell = options.setup.with_container(container)
-        found.append(manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp))
+        found.append(
+            manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp, items.masses)
+        )
     for given in options.own_constraints:
         label = given if isinstance(given, str) else type(given).__name__
         found.append(OwnConstraint(own_constraint(given), label).for_order(items.shapes, container))

@@ -127,6 +127,10 @@ class Constraint(ABC):
         """Why no candidate at this orientation can ever pass, as a word for programs; None where one may."""
         return None
 
+    def explanation(self, oriented: OrientedItem) -> str | None:
+        """The objection to an orientation as a sentence for people; None where its word has to do."""
+        return None
+
     def barrier(self, tallest: float) -> str | None:
         """Why nothing at all can be placed in the empty container, as a sentence; None where something may.
 

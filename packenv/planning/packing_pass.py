@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -14,7 +14,7 @@ from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import ORIENTATION, Inquiry, barrier, objection, place
-from packenv.planning.manipulation.constraint import NO_GRASP
+from packenv.planning.manipulation.constraint import NO_GRASP, TOO_HEAVY
 from packenv.planning.options import Places
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.search.candidates import Candidates, grid_search, ranked
@@ -295,7 +295,8 @@ class PackingPass:
                 notes=notes,
             )
             self.placements.append(placement)
-            self.surfaces.append(self.pile.surface)
+            # Whoever keeps many packings does not want the meshes of every step.
+            self.surfaces.append(replace(self.pile.surface, exact=None))
             if tier.risk:
                 self.makeshift.append(piece.item)
                 self.risk += tier.risk
@@ -339,7 +340,11 @@ class PackingPass:
         fitting = [oriented for oriented in inside if self.fits([oriented])]
         objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
         words = sorted({word for word in objections if word is not None})
-        if words == [NO_GRASP] and None not in objections:
+        explained = (c.explanation(fitting[0]) for c in self.planner.constraints if fitting)
+        if words == [TOO_HEAVY]:
+            reason = TOO_HEAVY
+            detail = next((why for why in explained if why is not None), f"{item.name} is too heavy")
+        elif words == [NO_GRASP] and None not in objections:
             reason = "no-graspable-spot"
             detail = f"{item.name} has no graspable spot in any orientation that fits"
         elif words and None not in objections:

@@ -105,9 +105,8 @@ class CellSetup:
     def label(self) -> str:
         """The cell in a few words, for people."""
         gripper = self.robot.gripper
-        holds = "" if gripper.payload is None else f", holds {gripper.payload:g} kg (not checked)"
         place = "in front of it" if self.container is None else "where the cell says"
-        return f"{self.robot.name}, gripper {gripper.length:g} m{holds}, container {place}"
+        return f"{self.robot.name}, gripper {gripper.length:g} m, holds {gripper.heaviest:.3g} kg, container {place}"
 
     @property
     def pick_place(self) -> Place:

@@ -10,6 +10,7 @@ and so what it hits, is the same. A caller may therefore keep one yaw for everyt
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,13 @@ CUP_RADIUS = 0.01
 """Radius of the paper's cup, m."""
 
 
+ATMOSPHERE = 101_325.0
+"""Pressure of the air, Pa: what a cup at full vacuum is held by."""
+
+GRAVITY = 9.81
+"""m/s²."""
+
+
 @dataclass(frozen=True)
 class Gripper:
     """A tube with a cup at its end.
@@ -28,13 +36,21 @@ class Gripper:
         length: flange to the cup's lip, m.
         radius: of tube and cup, m.
         mass: kg.
-        payload: the heaviest item that it holds, kg; None where that is not known. Recorded, not checked.
+        payload: the heaviest item that it holds, kg: what its maker says, with the vacuum that there is and a
+            safety factor. None takes what no cup of this size can hold more than, see :attr:`heaviest`.
     """
 
     length: float = 0.30
     radius: float = CUP_RADIUS
     mass: float = 0.25
     payload: float | None = None
+
+    @property
+    def heaviest(self) -> float:
+        """No heavier item is planned, kg: the payload, or what the air carries on the cup at full vacuum."""
+        if self.payload is not None:
+            return self.payload
+        return ATMOSPHERE * math.pi * self.radius**2 / GRAVITY
 
     def tool_to_flange(self, tool_poses: FloatArray) -> FloatArray:
         """Flange poses that bring the tool to given poses.

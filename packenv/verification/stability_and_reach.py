@@ -156,6 +156,8 @@ def _reachable(
     checker: ManipulationChecker,
     grasp: GraspRule,
 ) -> bool:
+    if item.mass > checker.cell.robot.gripper.heaviest:
+        return False
     oriented = orient_item(item, placement.rotation, cell_size=surface.cell_size)
     corner = placement.position - oriented.offset
     grasps = generate_grasps(oriented, rule=grasp, radius=checker.cell.robot.gripper.radius)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -15,6 +16,9 @@ from packenv.types import OrientedItem, RobotPath
 NO_GRASP = "no-grasp"
 """The word against an orientation on which the cup finds no spot."""
 
+TOO_HEAVY = "too-heavy"
+"""The word against an item that the cup cannot hold."""
+
 
 @dataclass(frozen=True, eq=False)
 class ManipulationConstraint(Constraint):
@@ -23,10 +27,12 @@ class ManipulationConstraint(Constraint):
     Attributes:
         checker: robot cell and waypoints.
         rule: how grasps are generated.
+        masses: of the items by name, kg; one that is not there may be as light as it likes.
     """
 
     checker: ManipulationChecker
     rule: GraspRule = "seal"
+    masses: Mapping[str, float] = field(default_factory=dict)
     _grasps: WeakKeyDictionary[OrientedItem, tuple[Grasp, ...]] = field(
         default_factory=WeakKeyDictionary, repr=False
     )
@@ -37,8 +43,20 @@ class ManipulationConstraint(Constraint):
         return "manipulation"
 
     def objection(self, oriented: OrientedItem) -> str | None:
-        """An orientation without a graspable spot is of no use anywhere."""
+        """An item that is too heavy, or an orientation without a graspable spot, is of no use anywhere."""
+        if self._mass(oriented) > self.checker.cell.robot.gripper.heaviest:
+            return TOO_HEAVY
         return None if self.grasps(oriented) else NO_GRASP
+
+    def explanation(self, oriented: OrientedItem) -> str | None:
+        """What an item weighs that is too heavy."""
+        mass, most = self._mass(oriented), self.checker.cell.robot.gripper.heaviest
+        if mass <= most:
+            return None
+        return f"{oriented.item} weighs {mass:.3g} kg, and the gripper holds at most {most:.3g} kg"
+
+    def _mass(self, oriented: OrientedItem) -> float:
+        return self.masses.get(oriented.item, 0.0)
 
     def barrier(self, tallest: float) -> str | None:
         """A container that is too deep, too high or too far away is said to be so before any search."""
