@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from packenv.cli.exit_codes import reported
 from packenv.errors import InputError
 from packenv.extensions import is_extension
+from packenv.json_text import parse_json, read_json
 
 from .registry import NAMES, check_name
 
@@ -53,16 +54,11 @@ def read_document(text: str, option: str) -> dict[str, object]:
     """
     inline = text.lstrip().startswith("{")
     where = option if inline else f"{option} {text}"
+    right = "a file of JSON or JSON itself"
     try:
-        content = text if inline else Path(text).read_text(encoding="utf-8")
-        document = json.loads(content)
-    except OSError as problem:
-        raise InputError(f"{where}: {problem.strerror}, give a file of JSON or JSON itself") from None
-    except json.JSONDecodeError as problem:
-        at = f"line {problem.lineno}, column {problem.colno}"
-        raise InputError(f"{where}: is not JSON ({problem.msg} at {at})") from None
-    except ValueError:
-        raise InputError(f"{where}: is not JSON in UTF-8") from None
+        document = parse_json(text, option, right) if inline else read_json(Path(text), right)
+    except InputError as problem:
+        raise problem if inline else InputError(f"{option} {problem}") from None
     if not isinstance(document, dict):
         raise InputError(f"{where}: is {document!r:.60}, give a mapping, in braces")
     return document

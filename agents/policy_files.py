@@ -20,6 +20,7 @@ from safetensors.torch import load, save
 from packenv.env.observation import FEATURES, ITEM_FEATURES, STATE_FEATURES
 from packenv.errors import InputError
 from packenv.io.files import write_whole
+from packenv.json_text import read_json
 
 from .placement_network import NetworkConfig, ObservationLayout, PlacementNetwork
 
@@ -77,18 +78,11 @@ def read_config(folder: Path) -> dict[str, Any]:
         InputError: the file is missing or is not such a file.
     """
     path = folder / CONFIG_FILE
-    try:
-        document: dict[str, Any] = json.loads(path.read_bytes())
-    except OSError as problem:
-        raise InputError(
-            f"{path}: cannot be read ({problem.strerror}), give a folder that python -m packenv.train wrote"
-        ) from None
-    except ValueError as problem:
-        raise InputError(f"{path}: is not JSON ({problem})") from None
+    document: Any = read_json(path, "a folder that python -m packenv.train wrote")
     version = document.get("schema_version") if isinstance(document, dict) else None
     if version != SCHEMA_VERSION:
         raise InputError(f"{path}: schema_version is {version!r}, this version reads {SCHEMA_VERSION}")
-    return document
+    return dict(document)
 
 
 def read_policy(folder: Path) -> PlacementNetwork:

@@ -126,7 +126,7 @@ def main() -> int:
         cache = ItemCache(Path(folder))
         cache.prepare(next(iter(meshes.values())), grid)  # compiles the kernels
         for item in tqdm(meshes.values(), desc="preparing", disable=None):
-            cache.path(item, grid).unlink(missing_ok=True)
+            cache.prepared_file(item, grid).path.unlink(missing_ok=True)
             preparation.append(cpu(lambda item=item: cache.prepare(item, grid))[0])
         items = {name: cache.get(item, grid) for name, item in meshes.items()}
         names = fitting(items, container, grid)

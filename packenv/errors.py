@@ -8,8 +8,10 @@ exits with code 2. "It cannot be packed" is not an error: it is an answer, and a
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Collection, Iterable, Sequence
 from numbers import Integral, Real
+from typing import TypeGuard
 
 
 class RobotPackError(Exception):
@@ -42,9 +44,17 @@ def check_known(names: Iterable[object], known: Sequence[str], complaint: str, l
             raise InputError(f"{complaint} {str(name)!r:.60}{hint}")
 
 
-def is_number(value: object, *, whole: bool = False) -> bool:
-    """Whether a value is a number, NumPy's included, and a whole one where that is asked; a bool is none."""
-    return isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
+def is_number(value: object, *, whole: bool = False) -> TypeGuard[float]:
+    """Whether a value is a finite number, NumPy's included, and a whole one where that is asked; a bool is none.
+
+    A whole number beyond the largest float is none either: it cannot be converted.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def closest_match(name: object, known: Iterable[str], otherwise: str = "") -> str:

@@ -96,7 +96,7 @@ class Container:
         for axis, value in zip(("length", "width", "height"), self.size, strict=True):
             if not is_number(value):
                 raise ContainerError(f"container: {axis} is {value!r:.60}, give metres between 0.01 and 2")
-            if not (np.isfinite(value) and 0.01 <= value <= 2.0):
+            if not 0.01 <= value <= 2.0:
                 raise ContainerError(
                     f"container {self.label}: {axis} is {value:g}, "
                     "give metres between 0.01 and 2, as in 0.32x0.32x0.30"

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeVar
 
 from packenv.agents.placement_network import NetworkConfig
-from packenv.errors import InputError, check_known
+from packenv.errors import InputError, check_known, is_number
 
 T = TypeVar("T")
 
@@ -170,9 +170,9 @@ def _of_kind(where: str, value: object, default: object) -> object:
         if isinstance(value, Mapping):
             return value
         raise InputError(f"{where} is {value!r}, give a JSON object")
-    if isinstance(default, int) and isinstance(value, int) and not isinstance(value, bool):
+    if isinstance(default, int) and is_number(value, whole=True):
         return value
-    if isinstance(default, float) and isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(default, float) and is_number(value):
         return float(value)
     if not isinstance(default, int | float):
         return value  # a record of its own, which checks itself

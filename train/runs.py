@@ -32,6 +32,7 @@ from packenv.agents.policy_files import CONFIG_FILE, read_config, write_config, 
 from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.rows import RowFile
+from packenv.json_text import read_json
 
 from .config import TrainConfig
 
@@ -185,7 +186,7 @@ class RunFolder:
     def baselines(self) -> dict[str, Row]:
         """Rows of the baselines by agent; empty until they are measured."""
         path = self.path / "baselines.json"
-        return dict(json.loads(path.read_bytes())) if path.exists() else {}
+        return dict(read_json(path)) if path.exists() else {}
 
     def write_baselines(self, baselines: dict[str, Row]) -> None:
         """Keep the rows of the baselines."""

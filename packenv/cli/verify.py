@@ -35,14 +35,19 @@ def _report(found: Verification, constraints: str) -> None:
         say(f"misstated: step {step}: corner and extents are not those of the item at its pose")
     for step in found.overweight:
         say(f"overweight: step {step}: from here on the box holds more than its max_kg")
+    for claim in found.claims:
+        say(f"misstated: {claim.where} is {claim.stated!r:.40}, it should be {claim.found:g}")
     counted = _counted(found.audit, (*_FINDINGS, "miscounted"))
-    say(f"{found.audit.pairs_checked} pairs checked: {counted}, {len(found.misstated)} misstated")
+    say(
+        f"{found.audit.pairs_checked} pairs checked: {counted}, {len(found.misstated) + len(found.claims)} misstated"
+    )
     if found.envelopes is not None:
         say(f"{_WITH_PARTS}{_counted(found.envelopes, _FINDINGS)}")
     if constraints != "overlap":
         _report_recheck(found, constraints)
     for name in found.unchecked:
         say(f"not checked: own constraint {name}")
+    say(f"not checked: {', '.join(found.not_checked)}")
     verdict = "ok" if found.ok else "failed"
     say(f"{verdict}: {found.placed} items placed, {found.left_over} left over")
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any, Final, TypeAlias
 
-from packenv.errors import InputError
+from packenv.errors import InputError, is_number
 from packenv.extensions import load_extension
 from packenv.types import Float32Array, Placement
 
@@ -168,7 +166,7 @@ def make_reward(choice: RewardFn | Mapping[str, Any] | str | None) -> Terms:
     for name, weight in (choice or {}).items():
         if name not in weights:
             raise InputError(f"reward_fn has no term {name!r:.60}, it has {', '.join(WEIGHTS)}")
-        if not isinstance(weight, (int, float)) or isinstance(weight, bool) or not abs(weight) < 1e6:
+        if not is_number(weight) or not abs(weight) < 1e6:
             raise InputError(f"reward_fn: the weight of {name} is {weight!r:.60}, give a finite number")
         weights[name] = float(weight)
     return WeightedReward(tuple(weights.items()))
@@ -176,10 +174,4 @@ def make_reward(choice: RewardFn | Mapping[str, Any] | str | None) -> Terms:
 
 def _finite(value: object) -> float | None:
     """A finite number; None for anything else, True and False included."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+    return float(value) if is_number(value) else None

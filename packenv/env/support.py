@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-compiled: Callable[[Callable[..., Any]], Any] = njit(cache=True, nogil=True)
+from packenv.kernels import compiled
 
 
 @compiled

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from packenv.geometry.distance_kernels import compiled
 from packenv.geometry.outside_depth import OutsideDepth
 from packenv.geometry.part_hulls import Hull, hull_of, hull_planes, surface_points
+from packenv.kernels import compiled
 from packenv.types import BoolArray, FloatArray, IntArray
 
 WANTED = 0.0015

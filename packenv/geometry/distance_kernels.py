@@ -8,14 +8,10 @@ point from both sides: that rules most points out, and gives the others a short 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-compiled: Callable[[Callable[..., Any]], Any] = njit(cache=True, nogil=True)
-"""The decorator of every kernel: compiled once, kept on disk, runs without the interpreter's lock."""
+from packenv.kernels import compiled
 
 LEAF = 4
 """Faces in one leaf of the tree."""

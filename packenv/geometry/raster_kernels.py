@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from packenv.kernels import compiled, compiled_like_numpy
 
 TOUCH_TOLERANCE = 1e-6
 """A surface that reaches less than this far (m) into a cell does not touch it.
@@ -30,7 +31,7 @@ _CLOSE = 2 * TOUCH_TOLERANCE
 """So close (m) to a line of cells, the tolerance may have a say; farther away it has none."""
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clip(src, n, dst, axis, bound, keep_above):  # type: ignore[no-untyped-def]
     """Clip a convex polygon to one side of an axis-aligned plane (Sutherland-Hodgman)."""
     m = 0
@@ -56,7 +57,7 @@ def _clip(src, n, dst, axis, bound, keep_above):  # type: ignore[no-untyped-def]
     return m
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _cell_range(lo, hi, cell, count, normal):  # type: ignore[no-untyped-def]
     """First and last cell that the interval [lo, hi] reaches into by more than the tolerance.
 
@@ -75,7 +76,7 @@ def _cell_range(lo, hi, cell, count, normal):  # type: ignore[no-untyped-def]
     return first, last
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type: ignore[no-untyped-def]
     """Clip one triangle to every cell that it touches; the polygons are scratch of 12 corners each."""
     w, h = top.shape
@@ -144,7 +145,7 @@ def _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type
                 bottom[i, j] = min(bottom[i, j], poly_b[c, 2])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _tell(top, bottom, i, j, z):  # type: ignore[no-untyped-def]
     """Widen the extremes of a cell; without branches, which nobody could predict."""
     high, low = top[i, j], bottom[i, j]
@@ -152,7 +153,7 @@ def _tell(top, bottom, i, j, z):  # type: ignore[no-untyped-def]
     bottom[i, j] = z if z < low else low
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def rasterize(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int64],
@@ -281,7 +282,7 @@ def rasterize(
                 _tell(top, bottom, i, line, height)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def settle(vertices, low, extents):  # type: ignore[no-untyped-def]
     """Move vertices (n, 3) so that the smallest x, y and z are 0; ``low`` and ``extents`` (3,) are filled."""
     for k in range(3):
@@ -298,7 +299,7 @@ def settle(vertices, low, extents):  # type: ignore[no-untyped-def]
             vertices[v, k] -= low[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def round_outward(top, bottom, quantum, noise, tops, bottoms):  # type: ignore[no-untyped-def]
     """Round the extremes of :func:`rasterize` outward to whole quanta.
 
@@ -320,7 +321,7 @@ def round_outward(top, bottom, quantum, noise, tops, bottoms):  # type: ignore[n
                 bottoms[i, j] = np.inf
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def spread_back(top, bottom, along_x, along_y, tops, bottoms):  # type: ignore[no-untyped-def]
     """The extremes of each cell and of those before it, as an item moved by less than a cell shows.
 

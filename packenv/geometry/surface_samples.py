@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from packenv.geometry.distance_kernels import compiled
+from packenv.kernels import compiled
 from packenv.types import Float32Array, FloatArray, IntArray
 
 FACE, EDGE, CORNER, END = 0, 1, 2, 3

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from packenv.errors import OrderError, closest_item, closest_match
 from packenv.io.tables import Columns, read_table, read_text
+from packenv.json_text import parse_json
 from packenv.types import Order, OrderLine, normal_name
 
 MAX_PIECES = 10_000
@@ -63,10 +64,7 @@ def _from_csv(path: Path, text: str) -> list[tuple[str, OrderLine]]:
 
 
 def _from_json(path: Path, text: str) -> list[tuple[str, OrderLine]]:
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise OrderError(f"{path}: not a JSON file ({problem})") from None
+    document = parse_json(text, str(path), "an order", OrderError)
     items = document.get("items") if isinstance(document, dict) else document
     if not isinstance(items, list):
         raise OrderError(f'{path}: no list of items; an order is {{"items": [{{"item": "mug", "qty": 2}}]}}')

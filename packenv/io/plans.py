@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from packenv.errors import ContainerError, PlanError
+from packenv.errors import ContainerError, PlanError, is_number
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.io.files import write_whole
+from packenv.json_text import read_json
 from packenv.shipped import BUILTIN, MEMORY
 from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
 from packenv.version import __version__
@@ -134,16 +135,7 @@ def read_plan(path: Path) -> Plan:
     Raises:
         PlanError: the file is missing, not JSON, of another schema version, or a value is wrong.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as problem:
-        raise PlanError(f"{path}: cannot be read ({problem.strerror}), give a plan that pack wrote") from None
-    except UnicodeDecodeError:
-        raise PlanError(f"{path}: is not text, give a plan that pack wrote") from None
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise PlanError(f"{path}: is not JSON ({problem}), give a plan that pack wrote") from None
+    document = read_json(path, "a plan that pack wrote", PlanError)
     if not isinstance(document, dict) or "schema_version" not in document:
         raise PlanError(f"{path}: has no schema_version, give a plan that pack wrote")
     version = document["schema_version"]
@@ -158,7 +150,7 @@ def read_plan(path: Path) -> Plan:
 
 def _is_finite(value: object) -> bool:
     """Whether a JSON value is a number of a size that a pose, a score or a figure can have."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _HUGE
+    return is_number(value) and abs(value) <= _HUGE
 
 
 class _Reader:
@@ -186,6 +178,12 @@ class _Reader:
         if not _is_finite(value):
             raise self.fail(f"{where}.{key}", value, "a finite number")
         return float(value)
+
+    def positive(self, table: object, key: str, where: str) -> float:
+        value = self.number(table, key, where)
+        if not value > 0.0:
+            raise self.fail(f"{where}.{key}", value, "a number above 0")
+        return value
 
     def count(self, table: object, key: str, where: str, least: int) -> int:
         value = self.get(table, key, where)
@@ -265,8 +263,8 @@ class _Reader:
         record = MeshRecord(
             self.text(row, "file", where),
             self.text(row, "sha256", where),
-            self.number(row, "volume", where),
-            self.number(row, "mass", where),
+            self.positive(row, "volume", where),
+            self.positive(row, "mass", where),
             bool(self.get(row, "mass_estimated", where)),
         )
         if not isinstance(row, Mapping) or "envelope_sha256" not in row:

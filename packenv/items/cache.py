@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from packenv.geometry.convex_parts import FORMAT as PARTS_FORMAT, ConvexParts, c
 from packenv.geometry.distance_grids import FORMAT as FIELD_FORMAT, SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.prepare import PreparedItem, prepare_item
-from packenv.items.cache_files import default_folder, read_arrays, write_arrays
+from packenv.items.cache_files import CacheFile, default_folder
 from packenv.types import Item, OrientedItem, StablePose
 
 _FORMAT = 2
@@ -23,41 +24,34 @@ _FORMAT = 2
 
 
 class ItemCache:
-    """Prepared items on disk. A missing, torn or foreign file is made anew, never trusted."""
+    """Prepared items on disk. A missing, damaged or foreign file is made anew, never believed."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """Use ``folder``, or the user's own cache folder."""
         self.folder = folder or default_folder()
 
-    def path(self, item: Item, grid: GridConfig) -> Path:
-        """Where the prepared item of this mesh and this discretization is kept."""
-        recipe = f"{_FORMAT}|{item.sha256}|{grid.cell_size!r}|{grid.n_poses}|{grid.n_yaws}|{HEIGHT_QUANTUM!r}"
-        return self.folder / "prepared" / f"{hashlib.sha256(recipe.encode()).hexdigest()[:40]}.npz"
+    def prepared_file(self, item: Item, grid: GridConfig) -> CacheFile:
+        """Where the prepared item of this mesh, centre of mass and discretization is kept."""
+        made_of = (_FORMAT, item.sha256, item.com.tolist(), grid.cell_size, grid.n_poses, grid.n_yaws)
+        return CacheFile(self.folder, "prepared", repr((*made_of, HEIGHT_QUANTUM)))
 
-    def field_path(self, item: Item) -> Path:
-        """Where the surface field of this mesh is kept."""
-        return self.folder / "fields" / f"{FIELD_FORMAT}-{item.sha256[:40]}.npz"
-
-    def parts_path(self, item: Item) -> Path:
+    def parts_file(self, item: Item) -> CacheFile:
         """Where the convex parts of this mesh are kept."""
-        return self.folder / "parts" / f"{PARTS_FORMAT}-{item.sha256[:40]}.npz"
+        return CacheFile(self.folder, "parts", repr((PARTS_FORMAT, item.sha256)))
 
     def get(self, item: Item, grid: GridConfig) -> PreparedItem | None:
         """Read a prepared item; None where there is none that can be used."""
-        return read_arrays(
-            self.path(item, grid), lambda a: _unpack(item, grid, a["poses"], a["orientations"], a["maps"])
-        )
+        arrays = self.prepared_file(item, grid).read()
+        return None if arrays is None else _unpack(item, grid, arrays)
 
-    def put(self, item: Item, grid: GridConfig, prepared: PreparedItem) -> None:
-        """Write a prepared item, whole or not at all.
+    def prepare(self, item: Item, grid: GridConfig) -> PreparedItem:
+        """Read a prepared item, or make and keep it.
 
         Raises:
             InputError: the cache folder cannot be written.
         """
-        poses, orientations, maps = _pack(prepared)
-        write_arrays(
-            self.folder, self.path(item, grid), {"poses": poses, "orientations": orientations, "maps": maps}
-        )
+        file = self.prepared_file(item, grid)
+        return file.kept(lambda: prepare_item(item, grid), _pack, partial(_unpack, item, grid))
 
     def surface_field(self, item: Item) -> SurfaceField:
         """Read an item's surface field, or make and keep it.
@@ -65,12 +59,8 @@ class ItemCache:
         Raises:
             InputError: the cache folder cannot be written.
         """
-        path = self.field_path(item)
-        field = read_arrays(path, SurfaceField.from_arrays)
-        if field is None:
-            field = SurfaceField.of_item(item)
-            write_arrays(self.folder, path, field.to_arrays())
-        return field
+        file = CacheFile(self.folder, "fields", repr((FIELD_FORMAT, item.sha256)))
+        return file.kept(lambda: SurfaceField.of_item(item), SurfaceField.to_arrays, SurfaceField.from_arrays)
 
     def parts(self, item: Item) -> ConvexParts:
         """Read an item's convex parts, or make and keep them: seconds for a scan.
@@ -78,12 +68,7 @@ class ItemCache:
         Raises:
             InputError: the cache folder cannot be written.
         """
-        path = self.parts_path(item)
-        parts = read_arrays(path, _unpack_parts)
-        if parts is None:
-            parts = convex_parts(item)
-            write_arrays(self.folder, path, _pack_parts(parts))
-        return parts
+        return self.parts_file(item).kept(lambda: convex_parts(item), _pack_parts, _unpack_parts)
 
     def envelope(self, item: Item, parts: ConvexParts) -> Item:
         """Read an item's envelope, or make and keep it.
@@ -92,25 +77,19 @@ class ItemCache:
             InputError: the cache folder cannot be written.
             MeshError: mesh and parts cannot be united.
         """
-        recipe = hashlib.sha256(f"{PARTS_FORMAT}|{item.sha256}".encode())
+        digest = hashlib.sha256()
         for part in parts.parts:
-            recipe.update(np.ascontiguousarray(part).tobytes())
-        path = self.folder / "envelopes" / f"{recipe.hexdigest()[:40]}.npz"
-        known = read_arrays(path, lambda a: (a["vertices"], a["faces"]))
-        if known is None:
-            united = envelope(item, parts)
-            write_arrays(self.folder, path, {"vertices": united.vertices, "faces": united.faces})
-            known = united.vertices, united.faces
-        vertices, faces = known
-        return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
+            digest.update(np.ascontiguousarray(part).tobytes())
+        file = CacheFile(self.folder, "envelopes", repr((PARTS_FORMAT, item.sha256, digest.hexdigest())))
+        return file.kept(
+            lambda: envelope(item, parts),
+            lambda united: {"vertices": united.vertices, "faces": united.faces},
+            lambda arrays: _with_surface(item, arrays["vertices"], arrays["faces"]),
+        )
 
-    def prepare(self, item: Item, grid: GridConfig) -> PreparedItem:
-        """Read a prepared item, or make and keep it."""
-        prepared = self.get(item, grid)
-        if prepared is None:
-            prepared = prepare_item(item, grid)
-            self.put(item, grid, prepared)
-        return prepared
+
+def _with_surface(item: Item, vertices: np.ndarray, faces: np.ndarray) -> Item:
+    return replace(item, vertices=vertices, faces=faces, sha256=mesh_hash(vertices, faces))
 
 
 def _pack_parts(parts: ConvexParts) -> dict[str, np.ndarray]:
@@ -124,31 +103,28 @@ def _pack_parts(parts: ConvexParts) -> dict[str, np.ndarray]:
 
 
 def _unpack_parts(arrays: Mapping[str, np.ndarray]) -> ConvexParts:
-    vertices, sizes, ball = arrays["vertices"], arrays["sizes"], arrays["ball"]
-    bulge, dent = (float(x) for x in arrays["reach"])
-    if vertices.shape != (sizes.sum(), 3) or not len(sizes) or sizes.min() < 4 or len(ball) not in (0, 4):
-        raise ValueError("arrays of convex parts do not fit together")
-    parts = tuple(np.ascontiguousarray(p) for p in np.split(vertices, np.cumsum(sizes)[:-1]))
-    return ConvexParts(parts, Ball(ball[:3], float(ball[3])) if len(ball) else None, bulge, dent)
+    ball, (bulge, dent) = arrays["ball"], arrays["reach"].tolist()
+    parts = np.split(arrays["vertices"], np.cumsum(arrays["sizes"])[:-1])
+    fitted = Ball(ball[:3], float(ball[3])) if len(ball) else None
+    return ConvexParts(tuple(np.ascontiguousarray(p) for p in parts), fitted, bulge, dent)
 
 
-def _pack(prepared: PreparedItem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _pack(prepared: PreparedItem) -> dict[str, np.ndarray]:
     poses = np.array([[*p.rotation.ravel(), p.probability, p.com_height, p.members] for p in prepared.poses])
     rows = [
         [o.pose_index, o.yaw, *o.top.shape, *o.rotation.ravel(), *o.offset, *o.extents, *o.com]
         for o in prepared.orientations
     ]
     maps = np.concatenate([m.ravel() for o in prepared.orientations for m in (o.top, o.bottom)])
-    return poses, np.array(rows), maps
+    return {"poses": poses, "orientations": np.array(rows), "maps": maps}
 
 
-def _unpack(
-    item: Item, grid: GridConfig, poses: np.ndarray, rows: np.ndarray, maps: np.ndarray
-) -> PreparedItem:
+def _unpack(item: Item, grid: GridConfig, arrays: Mapping[str, np.ndarray]) -> PreparedItem:
+    poses, maps = arrays["poses"], arrays["maps"]
     kept = tuple(StablePose(p[:9].reshape(3, 3), float(p[9]), float(p[10]), int(p[11])) for p in poses)
     oriented = []
     start = 0
-    for row in rows:
+    for row in arrays["orientations"]:
         w, h = int(row[2]), int(row[3])
         top, bottom = maps[start : start + 2 * w * h].reshape(2, w, h)
         start += 2 * w * h

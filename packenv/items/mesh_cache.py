@@ -13,7 +13,7 @@ from packenv.errors import InputError
 from packenv.geometry.mass import SolidProperties
 from packenv.geometry.mesh_files import file_bytes, parsed_mesh
 from packenv.geometry.meshes import FORMAT, LoadedMesh, check_unit, solid_mesh
-from packenv.items.cache_files import default_folder, read_arrays, write_arrays
+from packenv.items.cache_files import CacheFile, default_folder
 
 
 def kept_mesh(path: Path, unit: str | None, folder: Path | None = None) -> LoadedMesh:
@@ -34,14 +34,14 @@ def kept_mesh(path: Path, unit: str | None, folder: Path | None = None) -> Loade
     check_unit(unit)
     folder = folder or default_folder()
     data = file_bytes(path)
-    recipe = hashlib.sha256(f"{FORMAT}|{path.suffix.lower()}|{unit}|".encode())
-    recipe.update(data)
-    kept = folder / "meshes" / f"{recipe.hexdigest()[:40]}.npz"
-    mesh = read_arrays(kept, _unpack_mesh)
-    if mesh is None:
-        mesh = solid_mesh(path, parsed_mesh(path, data), unit)
-        with contextlib.suppress(InputError):
-            write_arrays(folder, kept, _pack_mesh(mesh))
+    content = hashlib.sha256(data).hexdigest()
+    kept = CacheFile(folder, "meshes", repr((FORMAT, path.suffix.lower(), unit, content)))
+    arrays = kept.read()
+    if arrays is not None:
+        return _unpack_mesh(arrays)
+    mesh = solid_mesh(path, parsed_mesh(path, data), unit)
+    with contextlib.suppress(InputError):
+        kept.write(_pack_mesh(mesh))
     return mesh
 
 
@@ -57,16 +57,7 @@ def _pack_mesh(mesh: LoadedMesh) -> dict[str, np.ndarray]:
 
 
 def _unpack_mesh(arrays: Mapping[str, np.ndarray]) -> LoadedMesh:
-    vertices, faces, solid = (arrays[name] for name in ("vertices", "faces", "solid"))
-    repairs, notes = arrays["repairs"], arrays["notes"]
-    shapes = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3
-    if not shapes or vertices.dtype.str != "<f8" or faces.dtype.str != "<i8" or not faces.size:
-        raise ValueError("arrays of a mesh have other shapes or types")
-    if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError("arrays of a mesh do not fit together")
-    if solid.dtype.str != "<f8" or solid.shape != (13,) or not (np.isfinite(solid).all() and solid[0] > 0):
-        raise ValueError("mass properties of a mesh are none")
-    if repairs.dtype.kind != "U" or notes.dtype.kind != "U":
-        raise ValueError("words of a mesh are no text")
+    solid = arrays["solid"]
     properties = SolidProperties(float(solid[0]), solid[1:4], solid[4:].reshape(3, 3))
-    return LoadedMesh(vertices, faces, properties, tuple(repairs.tolist()), tuple(notes.tolist()))
+    repairs, notes = (tuple(arrays[name].tolist()) for name in ("repairs", "notes"))
+    return LoadedMesh(arrays["vertices"], arrays["faces"], properties, repairs, notes)

@@ -79,8 +79,7 @@ class Rule:
         if self.words:
             ok = isinstance(value, str) and value in self.words
         else:
-            number: Any = value
-            ok = is_number(value, whole=bool(self.whole)) and self.least <= number <= self.most
+            ok = is_number(value, whole=bool(self.whole)) and self.least <= value <= self.most
         if not ok:
             hint = closest_match(value, self.words) if isinstance(value, str) else ""
             raise InputError(f"{name} is {value!r:.60}, give {self.right}{hint}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
 from packenv.errors import InputError, closest_match
+from packenv.json_text import read_json
 from packenv.robot.cell import CellSetup, Place
 from packenv.robot.opw import OpwArm
 from packenv.robot.records import gripper_from, robot_from
@@ -27,7 +27,7 @@ def load_robot(source: str | Path) -> OpwArm:
         InputError: there is none, or the file is wrong.
     """
     path = _path(source)
-    return robot_from(_json(path), str(path))
+    return robot_from(read_json(path), str(path))
 
 
 def load_cell(source: str | Path | Mapping[str, object] | CellSetup) -> CellSetup:
@@ -44,7 +44,7 @@ def load_cell(source: str | Path | Mapping[str, object] | CellSetup) -> CellSetu
     if isinstance(source, Mapping):
         return cell_from(source, "the cell")
     path = _path(source)
-    return cell_from(_json(path), str(path), path.parent)
+    return cell_from(read_json(path), str(path), path.parent)
 
 
 def cell_from(record: object, where: str, folder: Path = Path()) -> CellSetup:
@@ -93,7 +93,7 @@ def cell_files(source: str | Path | None) -> list[Path]:
     if source is None:
         return []
     path = _path(source)
-    record = _json(path)
+    record = read_json(path)
     robot = record.get("robot") if isinstance(record, Mapping) else None
     return [path, path.parent / robot] if isinstance(robot, str) else [path]
 
@@ -131,15 +131,3 @@ def _path(source: str | Path) -> Path:
             f"{path}: is no file, give a cell file, a robot file or one of {', '.join(names)}{hint}"
         )
     return path
-
-
-def _json(path: Path) -> object:
-    try:
-        found: object = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not text, give JSON") from None
-    except (ValueError, RecursionError) as problem:
-        raise InputError(f"{path}: is not JSON ({problem})") from None
-    return found

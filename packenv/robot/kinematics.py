@@ -27,7 +27,8 @@ from __future__ import annotations
 from math import acos, atan2, cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
+
+from packenv.kernels import compiled
 
 A1, A2, B, C1, C2, C3, C4 = range(7)
 """The seven lengths, m."""
@@ -46,7 +47,7 @@ LIMIT_TOLERANCE = 1e-9
 _TURN = 2.0 * pi
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def link_frames(arm, q, frames):  # type: ignore[no-untyped-def]
     """Frames of the base and of links 1 to 6 in the base frame.
 
@@ -71,7 +72,7 @@ def link_frames(arm, q, frames):  # type: ignore[no-untyped-def]
         _turn_z(out[5], 0.0, 0.0, c4, q[k, 5], out[6])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _turn_z(parent, x, y, z, angle, child):  # type: ignore[no-untyped-def]
     c, s = cos(angle), sin(angle)
     for i in range(3):
@@ -81,7 +82,7 @@ def _turn_z(parent, x, y, z, angle, child):  # type: ignore[no-untyped-def]
         child[i, 3] = parent[i, 0] * x + parent[i, 1] * y + parent[i, 2] * z + parent[i, 3]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _turn_y(parent, x, y, z, angle, child):  # type: ignore[no-untyped-def]
     c, s = cos(angle), sin(angle)
     for i in range(3):
@@ -91,13 +92,13 @@ def _turn_y(parent, x, y, z, angle, child):  # type: ignore[no-untyped-def]
         child[i, 3] = parent[i, 0] * x + parent[i, 1] * y + parent[i, 2] * z + parent[i, 3]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def wrapped(angle):  # type: ignore[no-untyped-def]
     """The same angle within [-π, π]."""
     return angle - _TURN * np.rint(angle / _TURN)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def branches(arm, pose, q):  # type: ignore[no-untyped-def]
     """All branches of one flange pose, whatever the limits.
 
@@ -158,13 +159,13 @@ def branches(arm, pose, q):  # type: ignore[no-untyped-def]
                 q[slot, 5] = atan2(c4 * r1[0] - s4 * r0[0], c4 * r1[1] - s4 * r0[1])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _within(arm, j, angle):  # type: ignore[no-untyped-def]
     """Whether a model angle is within the limits of joint j + 1."""
     return arm[LOWER + j] - LIMIT_TOLERANCE <= angle <= arm[UPPER + j] + LIMIT_TOLERANCE
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def into_limits(arm, q):  # type: ignore[no-untyped-def]
     """Move every joint by whole turns into its limits, nearest to its zero, where that is possible.
 
@@ -192,7 +193,7 @@ def into_limits(arm, q):  # type: ignore[no-untyped-def]
     return inside
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def inverse(arm, poses, q, valid):  # type: ignore[no-untyped-def]
     """All branches of many flange poses, moved into the limits where possible.
 
@@ -210,7 +211,7 @@ def inverse(arm, poses, q, valid):  # type: ignore[no-untyped-def]
                 valid[k, slot] = into_limits(arm, q[k, slot])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _step(before, after, bound):  # type: ignore[no-untyped-def]
     """Largest joint step, turns left aside; infinite as soon as it passes the bound.
 
@@ -228,7 +229,7 @@ def _step(before, after, bound):  # type: ignore[no-untyped-def]
     return largest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _bends_within(arm, q):  # type: ignore[no-untyped-def]
     """Whether joints 2, 3 and 5, which few arms can turn by whole turns, are within their limits."""
     for j in (1, 2, 4):
@@ -238,7 +239,7 @@ def _bends_within(arm, q):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
     """Continue every branch of the first pose along a path.
 
@@ -306,7 +307,7 @@ def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
             state[start] = 2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _turn_path(arm, line):  # type: ignore[no-untyped-def]
     """Move each joint's whole line by the whole turns that bring it into its limits, nearest to its zero."""
     for j in range(6):

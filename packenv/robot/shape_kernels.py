@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
+
+from packenv.kernels import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def place(frames, links, local, ends):  # type: ignore[no-untyped-def]
     """Axis ends of every primitive in the base frame.
 
@@ -31,7 +32,7 @@ def place(frames, links, local, ends):  # type: ignore[no-untyped-def]
                     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def arm_lowest(frames, links, local, radii, rounded, gripper, low):  # type: ignore[no-untyped-def]
     """Lowest z of the primitives of links 2 to 6, the gripper left out.
 
@@ -62,7 +63,7 @@ def arm_lowest(frames, links, local, radii, rounded, gripper, low):  # type: ign
             low[k] = min(low[k], min(a, b) - radii[p] * share)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def any_overlap(ends, radii, pairs, hit):  # type: ignore[no-untyped-def]
     """Whether any of the listed pairs of capsules overlaps.
 
@@ -96,7 +97,7 @@ def any_overlap(ends, radii, pairs, hit):  # type: ignore[no-untyped-def]
                 break
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def segment_distance2(first, second):  # type: ignore[no-untyped-def]
     """Squared distance of two segments, (2, 3) each, of length above 0 (Ericson 2005, Sec. 5.1.9)."""
     aa = bb = ab = ar = br = 0.0

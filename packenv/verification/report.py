@@ -8,6 +8,7 @@ from itertools import accumulate
 
 from packenv.items.plan_items import Items, options_of, shelf_of
 from packenv.types import Item, Plan
+from packenv.verification.claims import Misstatement, misstatements, not_checked
 from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
 from packenv.verification.stability_and_reach import Recheck, recheck
 
@@ -21,7 +22,9 @@ class Verification:
         envelopes: the same from meshes and convex parts, for plans on these.
         misstated: steps (from 1) whose stated bounding box is not that of the item at its pose.
         overweight: steps from which on the container holds more than it may.
+        claims: masses, volumes and metrics that are not what the meshes and the poses say.
         recheck: stability and the robot's way.
+        not_checked: what else the plan says, which nothing here compares.
         unchecked: own constraints that the plan names; only their authors can check them.
         placed: number of placed items.
         left_over: number of items that are not in the plan.
@@ -31,7 +34,9 @@ class Verification:
     envelopes: AuditReport | None
     misstated: tuple[int, ...]
     overweight: tuple[int, ...]
+    claims: tuple[Misstatement, ...]
     recheck: Recheck
+    not_checked: tuple[str, ...]
     unchecked: tuple[str, ...]
     placed: int
     left_over: int
@@ -40,7 +45,8 @@ class Verification:
     def ok(self) -> bool:
         """True where nothing was found."""
         sound = self.audit.ok and (self.envelopes is None or self.envelopes.ok)
-        return sound and not self.misstated and not self.overweight and self.recheck.ok
+        true = not self.misstated and not self.claims and not self.overweight
+        return sound and true and self.recheck.ok
 
     def to_json(self) -> dict[str, object]:
         """The report as JSON-able lists and numbers; lengths in m, steps from 1."""
@@ -48,7 +54,9 @@ class Verification:
             **self.audit.to_json(),
             "misstated_boxes": self.misstated,
             "overweight_steps": self.overweight,
+            "misstated_claims": [asdict(claim) for claim in self.claims],
             **asdict(self.recheck),
+            "not_checked": self.not_checked,
             "unchecked_constraints": self.unchecked,
             "placed": self.placed,
             "left_over": self.left_over,
@@ -86,7 +94,9 @@ def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = Non
         audit_plan(plan, shapes) if options.shape == "parts" else None,
         misstated_boxes(plan, shapes),
         _overweight(plan, items),
+        misstatements(plan, items, shapes),
         recheck(plan, shapes, shelf.fields, options),
+        not_checked(plan),
         tuple(str(name) for name in options.own_constraints),
         len(plan.placements),
         len(plan.leftovers),

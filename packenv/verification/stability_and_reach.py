@@ -28,7 +28,7 @@ from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin
 from packenv.planning.stability.settling import settles_with
 from packenv.robot.protocol import MAX_STEP
-from packenv.types import Contacts, Item, Placement, Plan
+from packenv.types import Contacts, Item, Placement, Plan, RobotPath
 
 JOINT_TOLERANCE = 1e-6
 """How far the cup of the stated joints may be from its stated way, m."""
@@ -163,29 +163,33 @@ def _reachable(
     grasps = generate_grasps(oriented, rule=grasp, radius=checker.cell.robot.gripper.radius)
     if not checker.check(oriented, corner, surface, grasps).feasible:
         return False
-    return _stated_way_holds(placement, [corner + g.point for g in grasps], checker)
+    cups = [corner + g.point for g in grasps]
+    if placement.path is None or not _stated_way_holds(placement.path, corner, cups, checker):
+        return False
+    return checker.way_clear(oriented, corner, surface, placement.path.grasp, placement.path.joints)
 
 
-def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker: ManipulationChecker) -> bool:
+def _stated_way_holds(
+    path: RobotPath, corner: np.ndarray, cups: Sequence[np.ndarray], checker: ManipulationChecker
+) -> bool:
     """Whether the stated joints bring the cup, holding this item, from above the rim to its place.
 
-    The grasp must be one of the item's own, the way straight down from above the rim by way of the release,
-    the joints one continuous branch within the limits with the arm clear of the rim and of itself.
+    The grasp must be one of the item's own, the way straight down from above the rim by way of the release
+    without a turn, the joints one continuous branch within the limits.
     """
-    if placement.path is None:
-        return False
-    joints, grasp, heights = placement.path.joints, placement.path.grasp, placement.path.cup_heights
+    joints, grasp, heights = path.joints, path.grasp, path.cup_heights
     cell, robot = checker.cell, checker.cell.robot
     if len(joints) < 3 or not all(np.isfinite(a).all() for a in (joints, grasp, heights)):
         return False
     own = min(float(np.abs(grasp - cup).max()) for cup in cups) <= JOINT_TOLERANCE
     ends = np.abs(heights[-2:] - (grasp[2] + np.array([checker.release, 0.0]))).max() <= JOINT_TOLERANCE
-    lowered = heights[0] - grasp[2] + placement.corner[2] >= cell.container.height
+    lowered = heights[0] - grasp[2] + corner[2] >= cell.container.height - JOINT_TOLERANCE
     spaced = np.all(np.diff(heights) <= 0.0) and -np.diff(heights).min() <= 2 * checker.spacing
     ways = np.column_stack([np.tile(grasp[:2], (len(joints), 1)), heights])
     reached = robot.tool(joints)
     error = np.abs(reached[:, :3, 3] - cell.to_base(ways)).max()
     down = np.abs(reached[:, :3, 2] - np.array([0.0, 0.0, -1.0])).max()
+    turned = np.abs(reached[:, :3, :3] - reached[0, :3, :3]).max()
     inside = np.all(robot.limit_margin(joints) >= -1e-9)
     smooth = np.abs(np.diff(joints, axis=0)).max() <= MAX_STEP
     return bool(
@@ -195,7 +199,7 @@ def _stated_way_holds(placement: Placement, cups: Sequence[np.ndarray], checker:
         and spaced
         and error <= JOINT_TOLERANCE
         and down <= JOINT_TOLERANCE
+        and turned <= JOINT_TOLERANCE
         and inside
         and smooth
-        and cell.arm_clear(joints[None])[0]
     )

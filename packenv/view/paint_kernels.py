@@ -11,16 +11,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from packenv.kernels import compiled_like_numpy
 from packenv.types import Float32Array, FloatArray, IntArray
 
 NOTHING = -1
 """What a pixel shows where no face is."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_like_numpy
 def rasterize(points: FloatArray, faces: IntArray, nearness: Float32Array, shown: NDArray[np.int32]) -> None:
     """Draw the faces that are turned to the eye into a z-buffer.
 
@@ -61,7 +61,7 @@ def rasterize(points: FloatArray, faces: IntArray, nearness: Float32Array, shown
                 share_b += step_b
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_like_numpy
 def mark_edges(
     nearness: Float32Array,
     shown: NDArray[np.int32],
@@ -119,7 +119,7 @@ def mark_edges(
     return marks
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_like_numpy
 def _arrives(
     maps: Float32Array,
     axes: FloatArray,
@@ -145,7 +145,7 @@ def _arrives(
     return share
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_like_numpy
 def shade(
     nearness: Float32Array,
     shown: NDArray[np.int32],

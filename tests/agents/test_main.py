@@ -23,9 +23,12 @@ from packenv.errors import InputError
         (["--agent", "hm", "--env-config", '{"mask": '], "--env-config: is not JSON"),
         (["--agent", "hm", "--env-config", '{"masks": "legal"}'], "did you mean 'mask'?"),
         (["--agent", "hm", "--env-config", '{"mask": "leagl"}'], "mask is 'leagl'"),
-        (["--agent", "hm", "--env-config", "no-such-file"], "--env-config no-such-file: No such file"),
+        (
+            ["--agent", "hm", "--env-config", "no-such-file"],
+            "--env-config no-such-file: cannot be read (No such file",
+        ),
         (["--agent", "hm", "--order-generator", '{"kind": "randon"}'], "randon"),
-        (["--agent", "hm", "--order-generator", "{}x"], "line 1, column 3"),
+        (["--agent", "hm", "--order-generator", "{}x"], "line 1 column 3"),
         (["--agent", "hm", "--env-config", '{"catalogue": "no-such-folder"}'], "no-such-folder"),
     ],
 )

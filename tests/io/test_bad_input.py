@@ -729,7 +729,7 @@ class TestOrders:
             ("o.csv", "item;qty\nbowl;1,5\n", ["line 2", "'1,5'", "whole number"]),
             ("o.csv", "item,qty\nbowl,2,,x\n", ["line 2", "4 cells"]),
             ("o.csv", b"item,qty\nb\xf6wl,2\n", ["UTF-8"]),
-            ("o.json", "{", ["not a JSON file"]),
+            ("o.json", "{", ["is not JSON"]),
             ("o.json", "3", ["no list of items"]),
             ("o.json", '{"order": []}', ["no list of items"]),
             ("o.json", "[3]", ["item 1", "name"]),
@@ -742,7 +742,7 @@ class TestOrders:
             ("o.json", '[{"item": "bowl", "count": 2}]', ["unknown key 'count'"]),
             ("o.json", '[{"item": "bowl", "QTY": 2}]', ["unknown key 'QTY'", "did you mean 'qty'"]),
             ("o.json", '["bowk"]', ["item 1", "did you mean 'bowl'"]),
-            ("o.json", "[" * 100_000, ["not a JSON file"]),
+            ("o.json", "[" * 100_000, ["is not JSON"]),
         ],
     )
     def test_a_bad_order(self, name, text, words, tmp_path):

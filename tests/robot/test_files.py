@@ -82,7 +82,7 @@ def test_a_cells_gripper_takes_the_place_of_the_robots():
         (["lengths_m", "c2"], ..., "lengths_m: c2 is missing"),
         (["lengths_m", "c2"], 0.0, "c2 is 0.0, give a number above 0"),
         (["lengths_m", "a1"], "0.1", "a1 is '0.1', give a number"),
-        (["lengths_m", "a1"], float("nan"), "a1 is nan, give a number"),
+        (["lengths_m", "a1"], float("nan"), "lengths_m.a1 is NaN, give a finite number"),
         (["lengths_m"], [1, 2], "lengths_m is [1, 2], give an object with a1"),
         (["joints"], [], "joints is [], give a list of 6"),
         (["joints", 2, "lower_rad"], 3.0, "joints[2]: upper_rad is"),

@@ -15,8 +15,8 @@ import trimesh
 
 from packenv.config import CLEARANCE
 from packenv.errors import InputError, PlanError
-from packenv.types import Container, FloatArray, Item, Placement, Plan
-from packenv.verification.exact_meshes import AuditReport, audit_plan
+from packenv.types import Container, FloatArray, Item, Leftover, OrderLine, Placement, Plan
+from packenv.verification.exact_meshes import AuditReport, Miscount, audit_plan
 
 CONTAINER = Container(0.4, 0.3, 0.2)
 C = 2e-5
@@ -251,3 +251,18 @@ def test_other_mistakes_are_one_line_each() -> None:
     for clearance in (0.0, -1.0, np.nan, 1.0):
         with pytest.raises(InputError, match="clearance"):
             audit(clearance=clearance)
+
+
+# --------------------------------------------------------------------------------------------- pieces
+
+
+@pytest.mark.parametrize(
+    ("ordered", "placed", "left"), [(2, 1, 1), (2, 0, 2), (2, 1, 0), (2, 1, 2), (0, 1, 0)]
+)
+def test_placed_and_left_over_pieces_are_those_of_the_order(ordered: int, placed: int, left: int) -> None:
+    lines = (OrderLine("tile", 1), *([OrderLine("brick", ordered)] if ordered else []))
+    bricks = [put("brick", [0.1 * k, 0.0, 0.0]) for k in range(placed)]
+    leftovers = tuple(Leftover("brick", placed + k + 1, "no-legal-candidate", "") for k in range(left))
+    plan = Plan(CONTAINER, (put("tile", [0.0, 0.1, 0.0]), *bricks), leftovers, order=lines)
+    wrong = () if placed + left == ordered else (Miscount("brick", ordered, placed + left),)
+    assert audit_plan(plan, ITEMS).miscounted == wrong

@@ -19,6 +19,7 @@ from packenv.items.plan_maker import make_plan
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
 from packenv.planning.options import Constraints, GraspRule, PlanOptions, StabilityRule
+from packenv.robot.cell import Place
 from packenv.robot.files import default_cell
 from packenv.robot.gripper import top_down
 from packenv.types import Container, FloatArray, OrderLine, Placement, Plan, RobotPath
@@ -228,6 +229,59 @@ def test_a_way_that_stops_above_the_rim_is_unreachable(robot_plan: Plan, shelf: 
         assert again(cut, shelf).unreachable_steps == (1,)
 
 
+@pytest.mark.parametrize("step", range(1, len(NAMES) + 1))
+def test_a_way_that_starts_below_the_rim_is_unreachable(
+    step: int, robot_plan: Plan, shelf: ItemShelf
+) -> None:
+    """All else holds: it is the plan's own way without its first waypoint, 2 cm higher than the next."""
+    joints, grasp, heights = told(robot_plan, step)
+    low = robot_plan.placements[step - 1].corner[2] - grasp[2]
+    assert heights[1] + low < BOX.height <= heights[0] + low
+    late = with_path(robot_plan, step, joints=joints[1:], cup_heights=heights[1:])
+    assert again(late, shelf) == Recheck((), (step,))
+
+
+def test_a_tilted_cup_is_unreachable(robot_plan: Plan, shelf: ItemShelf) -> None:
+    """The lip's middle is where it is stated, the cup leans by half a degree about it."""
+    joints, _, _ = told(robot_plan, 1)
+    tool, tilt = TX90.tool(joints), np.radians(0.5)
+    lean = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    tool[:, :3, :3] = lean @ tool[:, :3, :3]
+    found = TX90.continuous_branches(TX90.gripper.tool_to_flange(tool)).q
+    leaning = found[np.argmin(np.abs(found - joints).max(axis=(1, 2)))]
+    np.testing.assert_allclose(TX90.tool(leaning)[:, :3, 3], TX90.tool(joints)[:, :3, 3], atol=1e-9)
+    assert again(with_path(robot_plan, 1, joints=leaning), shelf) == Recheck((), (1,))
+
+
+@pytest.mark.parametrize("angle", [0.01, 1.5, -1.5])
+def test_an_item_that_turns_on_its_way_is_unreachable(
+    angle: float, robot_plan: Plan, shelf: ItemShelf
+) -> None:
+    """The cup stays where it is stated and upright: only the held item tells."""
+    joints, _, _ = told(robot_plan, 1)
+    turning, turned = joints.copy(), joints.copy()
+    turning[:, 5] += np.linspace(angle, 0.0, len(joints))
+    turned[:, 5] += angle / 8
+    assert TX90.limit_margin(turning).min() > 0 < TX90.limit_margin(turned).min()
+    assert again(with_path(robot_plan, 1, joints=turning), shelf) == Recheck((), (1,))
+    assert again(with_path(robot_plan, 1, joints=turned), shelf).ok
+
+
+def test_a_way_with_the_arm_below_the_rim_or_in_itself_is_unreachable(shelf: ItemShelf) -> None:
+    """Far from the robot some branches are clear and some are not: a plan may state only those that are."""
+    setup = dataclasses.replace(default_cell(), container=Place((0.6, -0.1, 0.0)))
+    cell, options = setup.with_container(BOX), PlanOptions(cell=setup, grid=GRID)
+    packing = assemble(options, shelf, BOX).pack(["brick"], shelf.prepared, BOX)
+    plan = make_plan(packing, (OrderLine("brick", 1),), shelf, options)
+    joints, _, _ = told(plan, 1)
+    found = TX90.continuous_branches(TX90.forward(joints)).q
+    clear = cell.arm_clear(found)
+    assert 0 < clear.sum() < len(found)
+    for branch, fine in zip(found, clear, strict=True):
+        told_so = with_path(plan, 1, joints=branch)
+        assert recheck(told_so, MESHES, shelf.fields, options).ok == fine
+
+
 def test_a_way_down_to_another_place_is_unreachable(robot_plan: Plan, shelf: ItemShelf) -> None:
     """Of step 3, with step 1's joints, which do fit step 1's grasp."""
     joints, grasp, heights = told(robot_plan, 1)
@@ -263,14 +317,21 @@ def test_an_item_over_an_edge(overhang: float, stands: bool, shelf: ItemShelf) -
 
 @pytest.mark.parametrize(
     ("overhang", "paper", "margin"),
-    [(0.02, True, True), (0.035, True, True), (0.039, True, False), (0.05, False, False)],
+    [
+        (0.02, True, True),
+        (0.035, True, True),
+        (0.04 - 0.02 * np.tan(np.radians(8.5)), True, True),
+        (0.04 - 0.02 * np.tan(np.radians(7.5)), True, False),
+        (0.039, True, False),
+        (0.05, False, False),
+    ],
 )
 def test_near_the_edge_only_the_paper_s_rule_is_content(
     overhang: float, paper: bool, margin: bool, shelf: ItemShelf
 ) -> None:
     """A brick 4 cm high whose centre of mass is d inside the edge stands up to a tilt of atan(d / 2 cm).
 
-    5 mm: 14°; 1 mm: 2.9°, less than the margin's 8°.
+    5 mm: 14°; 1 mm: 2.9°, less than the margin's 8°, which is met to half a degree on either side.
     """
     plan = pile(put("book", 0.02, 0.06, 0.0), put("brick", 0.04 + overhang, 0.07, 0.02))
     assert again(plan, shelf, "stability", "paper").ok == paper

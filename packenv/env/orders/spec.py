@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +11,7 @@ from packenv.env.orders.cuts import CUTS
 from packenv.env.orders.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
 from packenv.env.orders.records import OrderGenerator
 from packenv.env.orders.toys import DEFAULT_CONTAINER, MOST_PIECES, ToyOrders
-from packenv.errors import InputError, OrderError, closest_item, closest_match
+from packenv.errors import InputError, OrderError, closest_item, closest_match, is_number
 from packenv.io.orders import MAX_PIECES, read_order
 from packenv.items.catalogue import Catalogue
 from packenv.types import Container
@@ -231,9 +230,7 @@ _KINDS: Mapping[str, Callable[[_Reader, Names], OrderGenerator]] = MappingProxyT
 
 def _number(value: object) -> float | None:
     """A finite number, or None for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if abs(value) < 1e300 and math.isfinite(value) else None
+    return float(value) if is_number(value) else None
 
 
 def _shown(value: object) -> str:

@@ -206,21 +206,49 @@ class ManipulationChecker:
         branches = robot.continuous_branches(path)
         if not len(branches):
             return "joint-limits" if branches.beyond_limits else "unreachable"
-        # The held item's box at every waypoint, along the container's axes.
-        lip = path[:, :3, 3] - self._flange[:3, 3]
-        low = (lip @ cell.turn if cell.yaw else lip) - grasp.point
-        hit = np.empty(1, dtype=np.bool_)
+        tips = path[:, :3, 3] - self._flange[:3, 3]
         for k in np.argsort(-robot.limit_margin(branches.q).min(axis=1), kind="stable"):
-            q = branches.q[k : k + 1]
-            if not cell.arm_clear(q)[0]:
-                continue
-            capsules = robot.shapes.capsules(robot.link_frames(q))
-            ends = capsules.ends @ cell.turn if cell.yaw else capsules.ends
-            # The gripper, the last capsule, does touch the item.
-            cup_kernels.meets_box(
-                ends[:, :, :-1], capsules.radii[:-1], low, low + oriented.extents, _BALLS, hit
-            )
-            if not hit[0]:
-                joints: FloatArray = q[0]
+            joints: FloatArray = branches.q[k]
+            if self._links_clear(oriented, grasp.point, tips, joints):
                 return joints
         return "link-collision"
+
+    def way_clear(
+        self,
+        oriented: OrientedItem,
+        corner: FloatArray,
+        surface: ContainerMap,
+        lip: FloatArray,
+        joints: FloatArray,
+    ) -> bool:
+        """Whether gripper and links are clear along stated joints, the cup upright and never turning.
+
+        Args:
+            oriented: the held item at its orientation.
+            corner: (3,) smallest x, y, z of the placed item in the container frame, m.
+            surface: the container heightmap before the item is placed.
+            lip: (3,) middle of the cup's lip at the placement, container frame, m.
+            joints: (m, 6) rad, from above the rim down to the placement.
+        """
+        tips = self.cell.robot.tool(joints)[:, :3, 3]
+        blocked = self._gripper_blocked(lip, surface)
+        return blocked is None and self._links_clear(oriented, lip - corner, tips, joints)
+
+    def _links_clear(
+        self, oriented: OrientedItem, point: FloatArray, tips: FloatArray, joints: FloatArray
+    ) -> bool:
+        """Whether the arm keeps off the rim, itself and the held item's box at every waypoint.
+
+        ``point`` is the lip's middle seen from the item's corner, ``tips`` (m, 3) the same in the base frame.
+        """
+        cell, shapes, q = self.cell, self.cell.robot.shapes, joints[None]
+        if not cell.arm_clear(q)[0]:
+            return False
+        # The held item's box, along the container's axes.
+        low = (tips @ cell.turn if cell.yaw else tips) - point
+        capsules = shapes.capsules(cell.robot.link_frames(q))
+        ends = capsules.ends @ cell.turn if cell.yaw else capsules.ends
+        hit = np.empty(1, dtype=np.bool_)
+        # The gripper, the last capsule, does touch the item.
+        cup_kernels.meets_box(ends[:, :, :-1], capsules.radii[:-1], low, low + oriented.extents, _BALLS, hit)
+        return not hit[0]

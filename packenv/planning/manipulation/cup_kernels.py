@@ -6,15 +6,11 @@ more than ``TOUCH_TOLERANCE``: every touched cell counts, as in the heightmaps t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import ceil, floor, hypot, sqrt
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-compiled: Callable[[Callable[..., Any]], Any] = njit(cache=True, nogil=True)
-"""The decorator of every kernel here."""
+from packenv.kernels import compiled
 
 TOUCH_TOLERANCE = 1e-6
 """A disc that reaches less than this (m) into a cell, or into a wall, does not touch it."""

@@ -8,15 +8,11 @@ that they touch, and a cell whose heightmaps say that nothing in it can be highe
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import floor, hypot
-from typing import Any
 
 import numpy as np
-from numba import njit
 
-compiled: Callable[[Callable[..., Any]], Any] = njit(cache=True, nogil=True)
-"""The decorator of every kernel here."""
+from packenv.kernels import compiled
 
 THINNEST = 1e-9
 """A face that is thinner than this seen from above, m, stands upright; its edges belong to its neighbours, too."""

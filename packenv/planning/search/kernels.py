@@ -14,13 +14,14 @@ can pass 16 m, so every result is exact and equal to the reference whatever the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy import float32, float64
+
+from packenv.kernels import compiled, compiled_like_numpy
 
 _BLOCK = 1024
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def polyphase(heights, step, wall, flat, rows, stride):  # type: ignore[no-untyped-def]
     """Store a heightmap as sub-grids, with a margin of ``step`` cells at the height of the walls.
 
@@ -47,7 +48,7 @@ def polyphase(heights, step, wall, flat, rows, stride):  # type: ignore[no-untyp
                         flat[base + a * stride + b] = wall
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def cell_offset(i, j, step, rows, stride):  # type: ignore[no-untyped-def]
     """Index, at translation 0, of footprint cell (i, j) in the polyphase map; i, j ≥ -step."""
     i += step
@@ -56,7 +57,7 @@ def cell_offset(i, j, step, rows, stride):  # type: ignore[no-untyped-def]
     return (phase * rows + i // step) * stride + j // step
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def footprint_cells(bottom, step, rows, stride, offsets, bottoms):  # type: ignore[no-untyped-def]
     """List the footprint cells of an orientation, sub-grid by sub-grid.
 
@@ -80,7 +81,7 @@ def footprint_cells(bottom, step, rows, stride, offsets, bottoms):  # type: igno
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def side_cells(bottom, step, rows, stride, own, beside):  # type: ignore[no-untyped-def]
     """List the footprint cells that have a side neighbour outside the footprint, once for each side.
 
@@ -105,7 +106,7 @@ def side_cells(bottom, step, rows, stride, own, beside):  # type: ignore[no-unty
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def lowest_at(heights, bottom, ix, iy):  # type: ignore[no-untyped-def]
     """Lowest height at which an item at one place is above everything: max over its footprint of H_c - H_b, m.
 
@@ -119,7 +120,7 @@ def lowest_at(heights, bottom, ix, iy):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def lowest_z(flat, offsets, bottoms, n, z):  # type: ignore[no-untyped-def]
     """Lowest collision-free height at every translation: max over the footprint of H_c - H_b.
 
@@ -159,7 +160,7 @@ def lowest_z(flat, offsets, bottoms, n, z):  # type: ignore[no-untyped-def]
             k += 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def row_prefix_sums(heights, step, flat, rows, stride):  # type: ignore[no-untyped-def]
     """Running sums of each heightmap row along y, stored polyphase like the map itself.
 
@@ -185,7 +186,7 @@ def row_prefix_sums(heights, step, flat, rows, stride):  # type: ignore[no-untyp
                 total += float64(heights[i, j])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def footprint_runs(bottom, step, rows, stride, starts, ends):  # type: ignore[no-untyped-def]
     """List the runs of footprint cells along y, as offsets in the polyphase map of prefix sums.
 
@@ -210,7 +211,7 @@ def footprint_runs(bottom, step, rows, stride, starts, ends):  # type: ignore[no
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def footprint_sums(prefix, starts, ends, n, total):  # type: ignore[no-untyped-def]
     """Sum of the container heightmap over the footprint at every translation.
 
@@ -234,7 +235,7 @@ def footprint_sums(prefix, starts, ends, n, total):  # type: ignore[no-untyped-d
                 out[t] += last[t] - first[t]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def touched_cells(flat, offsets, bottoms, n, z, gap, total):  # type: ignore[no-untyped-def]
     """Number of footprint cells whose bottom is within ``gap`` of the container heightmap.
 
@@ -265,7 +266,7 @@ def touched_cells(flat, offsets, bottoms, n, z, gap, total):  # type: ignore[no-
             total[t0 + t] = float64(acc[t])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled_like_numpy
 def touched_sides(flat, tops, bottoms, own, beside, n, z, flush, total):  # type: ignore[no-untyped-def]
     """Summed height of the item's sides that face filled columns or walls in the next cell.
 

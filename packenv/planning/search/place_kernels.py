@@ -7,7 +7,7 @@ from math import ceil, floor
 import numpy as np
 from numpy import float32
 
-from packenv.planning.search.contact_height_kernels import compiled
+from packenv.kernels import compiled
 
 _ROUNDING = 1e-3
 """Share of a cell that is taken for rounding."""

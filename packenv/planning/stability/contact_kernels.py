@@ -9,12 +9,12 @@ import numpy as np
 from packenv.geometry.distance_kernels import (
     TIES,
     closest_on_triangle,
-    compiled,
     corners,
     distance_bounds,
     nearest_faces,
 )
 from packenv.geometry.surface_samples import EDGE, END, FACE, SHARP
+from packenv.kernels import compiled
 
 _FACING = 0.7
 """A face touches a face only where the cosine between their normals is below minus this."""

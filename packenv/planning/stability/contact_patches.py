@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from packenv.geometry.distance_kernels import compiled
+from packenv.kernels import compiled
 from packenv.types import Contacts
 
 ANGLE = math.radians(8.0)

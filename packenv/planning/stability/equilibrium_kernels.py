@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from packenv.geometry.distance_kernels import compiled
+from packenv.kernels import compiled
 
 _LEVEL = 1e-12
 """Square of the uphill part of a unit normal's tangent below which a contact is level."""

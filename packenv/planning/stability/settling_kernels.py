@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from packenv.geometry.distance_kernels import compiled
+from packenv.kernels import compiled
 
 _SOFT = 10.0
 """Stiffness that the search for the pushes begins with; it then grows by as much each time."""

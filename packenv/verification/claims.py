@@ -1,0 +1,85 @@
+"""What a plan says of itself in figures: compared with the catalogue and the poses, or named as not checked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from packenv.errors import is_number
+from packenv.types import Item, Plan
+
+_TOLERANCE = 1e-6
+"""Share of a figure that it may be off."""
+
+_NEVER_CHECKED = ("stable_pose", "yaw", "route", "score", "candidates", "checked", "rejections", "made_by")
+
+
+@dataclass(frozen=True)
+class Misstatement:
+    """A figure that is not what the meshes and the poses say.
+
+    Attributes:
+        where: its place in the plan file.
+        stated: what the plan says.
+        found: what it is.
+    """
+
+    where: str
+    stated: object
+    found: float
+
+
+def misstatements(
+    plan: Plan, items: Mapping[str, Item], shapes: Mapping[str, Item]
+) -> tuple[Misstatement, ...]:
+    """Masses and volumes that are not the catalogue's, and metrics that are not the plan's own.
+
+    Of metrics those are compared that are there, but for what rehearsals found.
+
+    Args:
+        plan: the plan.
+        items: its placed items by name, as the catalogue has them.
+        shapes: the same, as the geometry that the plan was made with.
+    """
+    claims = (*_of_meshes(plan, items), *_of_metrics(plan, items, shapes))
+    return tuple(Misstatement(*claim) for claim in claims if not _agree(*claim[1:]))
+
+
+def not_checked(plan: Plan) -> tuple[str, ...]:
+    """Names of what the plan says and nothing here compares (docs/plan-format.md)."""
+    named = [f"details.{name}" for name in dict.fromkeys(name for p in plan.placements for name in p.details)]
+    rehearsed = [f"metrics.{name}" for name in plan.metrics if name.startswith("rehearsal_")]
+    reasons = ["leftovers.reason"] if plan.leftovers else []
+    return (*_NEVER_CHECKED, *named, *rehearsed, *reasons)
+
+
+def _of_meshes(plan: Plan, items: Mapping[str, Item]) -> Iterator[tuple[str, object, float]]:
+    for name, item in items.items():
+        record = plan.meshes.get(name)
+        if record is not None:
+            yield f"meshes.{name}.volume", record.volume, item.volume
+            yield f"meshes.{name}.mass", record.mass, item.mass
+            yield f"meshes.{name}.mass_estimated", float(record.mass_estimated), float(item.mass_estimated)
+
+
+def _of_metrics(
+    plan: Plan, items: Mapping[str, Item], shapes: Mapping[str, Item]
+) -> Iterator[tuple[str, object, float]]:
+    tops = [float((shapes[p.item].vertices @ p.rotation[2] + p.position[2]).max()) for p in plan.placements]
+    found = {
+        "ordered": float(sum(line.qty for line in plan.order)),
+        "packed": float(len(plan.placements)),
+        "utilization": float(np.sum([items[p.item].volume for p in plan.placements])) / plan.container.volume,
+        "height": max(tops, default=0.0),
+    }
+    routes = Counter(f"route_{p.route}" for p in plan.placements)
+    for name, stated in plan.metrics.items():
+        if name in found or name.startswith("route_"):
+            yield f"metrics.{name}", stated, found.get(name, float(routes[name]))
+
+
+def _agree(stated: object, found: float) -> bool:
+    return is_number(stated) and abs(stated - found) <= _TOLERANCE * abs(found)
