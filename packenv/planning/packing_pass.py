@@ -311,7 +311,8 @@ class PackingPass:
             )
             self.placements.append(placement)
             # Whoever keeps many packings does not want the meshes of every step.
-            self.surfaces.append(replace(self.pile.surface, exact=None))
+            surface = self.pile.surface
+            self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
             if tier.risk:
                 self.makeshift.append(piece.item)
                 self.risk += tier.risk
