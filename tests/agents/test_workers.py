@@ -55,11 +55,14 @@ def test_the_number_of_workers_changes_nothing() -> None:
 
 
 _ENDLESS = """
-import os, sys, time
+import os, signal, sys, time
 from dataclasses import dataclass
 from pathlib import Path
 
 from packenv.agents.workers import run_jobs
+
+# A shell's background job, as these tests may be one, ignores Ctrl-C, and what it starts does, too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 @dataclass(frozen=True)
 class Job:
@@ -91,6 +94,7 @@ def test_who_is_stopped_takes_the_workers_along(tmp_path: Path, number: signal.S
         _until(lambda: not any(_lives(int(path.name)) for path in pids.iterdir()), 10.0)
     finally:
         parent.kill()
+        parent.wait()
         for path in pids.iterdir():
             if _lives(int(path.name)):
                 os.kill(int(path.name), signal.SIGKILL)
