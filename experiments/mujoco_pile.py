@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from packenv.config import GRAVITY
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.sim.physics_items import PhysicsItem
 from packenv.types import Container, FloatArray
 
-GRAVITY = 9.81
-"""m/s²."""
 _WALL = 0.05
 _PARKED = 10.0
 """Where items wait for their release, m from the container and from each other."""

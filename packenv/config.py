@@ -12,6 +12,9 @@ CLEARANCE = 2e-5
 An item as large as the container fits, and so does a stack of exact layers, whose heights are rounded up.
 """
 
+GRAVITY = 9.81
+"""Acceleration of gravity, m/s²."""
+
 HEIGHT_QUANTUM = 2.0**-20
 """Heights in heightmaps are multiples of this many metres (0.95 µm), rounded outward.
 

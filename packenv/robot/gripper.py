@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from packenv.config import GRAVITY
 from packenv.types import FloatArray
 
 CUP_RADIUS = 0.01
@@ -23,9 +24,6 @@ CUP_RADIUS = 0.01
 
 ATMOSPHERE = 101_325.0
 """Pressure of the air, Pa: what a cup at full vacuum is held by."""
-
-GRAVITY = 9.81
-"""m/s²."""
 
 
 @dataclass(frozen=True)

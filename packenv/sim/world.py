@@ -21,6 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pybullet
 
+from packenv.config import GRAVITY
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.sim.closing import Closing
 from packenv.sim.physics_items import PhysicsItem
@@ -28,8 +29,6 @@ from packenv.types import Container, FloatArray, Pose
 
 SCALE = 10.0
 """Lengths in the engine over lengths in metres."""
-GRAVITY = 9.81
-"""m/s²."""
 _WALL = 0.05
 """Thickness of floor and walls, outward, m."""
 

@@ -12,7 +12,8 @@ pytest.importorskip(
     "mujoco", reason="the second engine is not installed (pip install 'robotpack[second-engine]')"
 )
 
-from experiments.mujoco_pile import GRAVITY, MujocoConfig, MujocoPile
+from experiments.mujoco_pile import MujocoConfig, MujocoPile
+from packenv.config import GRAVITY
 from packenv.sim.rest import RestRule, settle
 from packenv.sim.world import World
 from tests.sim.bodies import BOX, ball, brick

@@ -9,8 +9,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from packenv.config import GRAVITY
 from packenv.sim.rest import RestRule, settle
-from packenv.sim.world import GRAVITY, SCALE, World, WorldConfig
+from packenv.sim.world import SCALE, World, WorldConfig
 from packenv.types import Container
 from tests.conftest import NO_PHYSICS
 from tests.sim.bodies import BOX, ball, brick

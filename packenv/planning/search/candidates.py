@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -133,8 +133,11 @@ class Candidates:
         )
 
 
-def place_code(rotation: int, x: int, y: int) -> int:
-    """One number for a candidate: that of its rotation, and its smallest x and y in µm."""
+_Whole = TypeVar("_Whole", int, IntArray)
+
+
+def place_code(rotation: _Whole, x: _Whole, y: _Whole) -> _Whole:
+    """One number for a candidate, or for each of many: that of its rotation, and its smallest x and y in µm."""
     return (rotation << 44) + (x << 22) + y
 
 
@@ -148,8 +151,7 @@ def place_codes(candidates: Candidates, numbers: dict[bytes, int]) -> IntArray:
     rotations = [group.oriented.rotation.tobytes() for group in candidates.grids]
     own = np.array([numbers.setdefault(r, len(numbers)) for r in rotations], dtype=np.int64)
     x, y = np.rint(candidates.places * 1e6).astype(np.int64).T
-    codes: IntArray = (own[candidates.grid_index] << 44) + (x << 22) + y
-    return codes
+    return place_code(own[candidates.grid_index], x, y)
 
 
 def ranked(scores: FloatArray, most: int) -> IntArray:

@@ -37,7 +37,9 @@ def _touches(corners, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-
 
 
 @compiled
-def cells_of_faces(corners, boxes, origin_x, origin_y, cell, shape_x, shape_y, starts, pairs):  # type: ignore[no-untyped-def]
+def cells_of_faces(  # type: ignore[no-untyped-def]
+    corners, boxes, origin_x, origin_y, cell, shape_x, shape_y, starts, pairs
+):  # fmt: skip
     """Which faces touch which cell.
 
     Args:

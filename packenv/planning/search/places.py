@@ -14,7 +14,7 @@ import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.planning.search import place_kernels as kernels
-from packenv.planning.search.candidates import Candidates, grid_search, place_codes, ranked
+from packenv.planning.search.candidates import Candidates, grid_search, place_code, place_codes, ranked
 from packenv.planning.search.container_map import ON_EDGE, ContainerMap, PolyphaseMap
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.translation_grid import ROUNDING
@@ -152,6 +152,7 @@ class ExactPlaces:
         order = np.argsort(scores, kind="stable")[: _MOST if most == 1 else min(most, _MOST) // 2]
         starts = np.cumsum([0, *(len(found.z) for found in lists)])
         settled: list[PlaceList] = []
+        own: list[FloatArray] = []
         for at in range(0, len(order), _BATCH):
             batch = np.sort(order[at : at + _BATCH])
             if most == 1 and scores[order[at]] >= to_beat:
@@ -162,11 +163,11 @@ class ExactPlaces:
                 for k in np.unique(of_list)
                 if (lowered := _lowered(lists[k].only(batch[of_list == k] - starts[k]))) is not None
             ]
-            if new and most == 1:
-                to_beat = min(to_beat, float(self.heuristic(listed(new, item, cell), self.rng).min()))
-            settled += new
-        found = listed(settled, item, cell)
-        return found, self.heuristic(found, self.rng) if len(found) else np.empty(0)
+            if new:
+                own.append(self.heuristic(listed(new, item, cell), self.rng))
+                to_beat = min(to_beat, float(own[-1].min()))
+                settled += new
+        return listed(settled, item, cell), np.concatenate(own or [np.empty(0)])
 
 
 def _lowered(places: PlaceList) -> PlaceList | None:
@@ -212,8 +213,8 @@ def _flush(surface: PolyphaseMap, orientations: Sequence[OrientedItem]) -> Itera
         if ex > length + CLEARANCE or ey > width + CLEARANCE or ez > source.container.height + CLEARANCE:
             continue
         count = kernels.flush_places(sides, length, width, ex, ey, CLEARANCE - ROUNDING, room)
-        keys = np.rint(room[:count] * 1e6).astype(np.int64) @ (1 << 22, 1)
-        _, first = np.unique(keys, return_index=True)
+        x, y = np.rint(room[:count] * 1e6).astype(np.int64).T
+        _, first = np.unique(place_code(np.zeros_like(x), x, y), return_index=True)
         yield from _estimated(oriented, surface, room[:count][first], whole=False)
 
 

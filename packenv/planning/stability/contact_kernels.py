@@ -236,7 +236,9 @@ def _cross_edges(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def touches_container(records, kinds, starts, spheres, rotation, shift, size, threshold, rows):  # type: ignore[no-untyped-def]
+def touches_container(  # type: ignore[no-untyped-def]
+    records, kinds, starts, spheres, rotation, shift, size, threshold, rows
+):  # fmt: skip
     """Contacts of one body's samples with the floor and the four walls, up to the rim.
 
     Args:

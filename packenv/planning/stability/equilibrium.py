@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from packenv import config
 from packenv.planning.stability.equilibrium_kernels import add_wrenches, fill_columns
 from packenv.types import BoolArray, Contacts, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-GRAVITY = (0.0, 0.0, -9.81)
+GRAVITY = (0.0, 0.0, -config.GRAVITY)
 """Acceleration of gravity in the container frame, m/s²."""
 
 TOLERANCE = 1e-6
