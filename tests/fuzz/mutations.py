@@ -8,6 +8,7 @@ import re
 import struct
 import zipfile
 from collections.abc import Callable
+from copy import deepcopy
 from random import Random
 from typing import Any
 
@@ -91,11 +92,11 @@ def exchanged_numbers(data: bytes, rng: Random) -> bytes:
 
 def changed_tree(tree: Any, rng: Random) -> Any:
     """A copy of a JSON tree with one to three values replaced, scaled, swapped, doubled, renamed or left out."""
-    tree = json.loads(json.dumps(tree))
+    tree = deepcopy(tree)
     for _ in range(rng.randint(1, 3)):
         holder = _holder(tree, rng)
         if not holder:
-            return rng.choice(VALUES)
+            return deepcopy(rng.choice(VALUES))
         keys: list[Any] = list(holder) if isinstance(holder, dict) else list(range(len(holder)))
         key, other = rng.choice(keys), rng.choice(keys)
         number = is_number(holder[key])
@@ -107,11 +108,11 @@ def changed_tree(tree: Any, rng: Random) -> Any:
             case 2:
                 del holder[key]
             case 3 if isinstance(holder, list):
-                holder.insert(key, holder[other])
+                holder.insert(key, deepcopy(holder[other]))
             case 3:
                 holder[rng.choice(("x", "", f"{key} ", key.upper()))] = holder.pop(key)
             case _:
-                holder[key] = rng.choice(VALUES)
+                holder[key] = deepcopy(rng.choice(VALUES))
     return tree
 
 
