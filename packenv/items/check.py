@@ -69,7 +69,9 @@ def check_items(
     usable = {r.name: sizes[r.name] for r in reports if r.extents}
     said = {**suspicious_sizes(sizes), **suspicious_sizes(usable)}
     return [
-        replace(r, text="; ".join(filter(None, (r.text, said[r.name])))) if r.extents and r.name in said else r
+        replace(r, text="; ".join(filter(None, (r.text, said[r.name]))))
+        if r.extents and r.name in said
+        else r
         for r in reports
     ]
 
