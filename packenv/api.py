@@ -179,9 +179,11 @@ def plan(
         InputError: an option, the order, the container or a mesh is wrong.
     """
     chosen = _options(options).changed(words)
-    shelf = shelf_for(catalogue, chosen, unit)
     boxes = _boxes(container, unit)
+    shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
+    if order.limits:
+        shelf = shelf_for(catalogue_of(catalogue, unit).with_limits(order.limits), chosen)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
     sequence = job.sequence(order.names)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.transforms import yaw_rotation
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.types import Item, OrientedItem, StablePose
 
 
@@ -21,6 +22,7 @@ class PreparedItem:
         volume: m³.
         poses: the stable poses tried, by falling probability.
         orientations: pose by pose, yaw by yaw.
+        limits: what may not be done with it.
     """
 
     name: str
@@ -28,6 +30,7 @@ class PreparedItem:
     volume: float
     poses: tuple[StablePose, ...]
     orientations: tuple[OrientedItem, ...]
+    limits: ItemLimits = NO_LIMITS
 
     @property
     def box_volume(self) -> float:
@@ -42,13 +45,21 @@ class PreparedItem:
 def prepare_item(item: Item, grid: GridConfig) -> PreparedItem:
     """Compute an item's stable poses and its oriented heightmaps.
 
+    Of an item with a side that must be up, the poses at which it is; all, where it is up at none: somebody will
+    say so.
+
     Args:
         item: the item.
         grid: how many poses and yaws, and the cell size.
     """
     from packenv.geometry.stable_poses import stable_poses  # scipy's hull: only when nothing is cached
 
-    poses = stable_poses(item, limit=grid.n_poses)
+    if item.limits.upright is None:
+        poses = stable_poses(item, limit=grid.n_poses)
+    else:
+        known = stable_poses(item)
+        upright = tuple(pose for pose in known if item.limits.allows(pose.rotation))
+        poses = (upright or known)[: grid.n_poses]
     orientations = tuple(
         orient_item(
             item,
@@ -60,4 +71,4 @@ def prepare_item(item: Item, grid: GridConfig) -> PreparedItem:
         for index, pose in enumerate(poses)
         for yaw in (k * math.pi / grid.n_yaws for k in range(grid.n_yaws))
     )
-    return PreparedItem(item.name, item.sha256, item.volume, poses, orientations)
+    return PreparedItem(item.name, item.sha256, item.volume, poses, orientations, item.limits)

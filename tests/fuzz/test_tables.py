@@ -20,8 +20,13 @@ ITEMS = "name;file;mass_kg;unit;_shelf\nmug;a/mug.stl;0,25;mm;4\nplate;plate.ply
 BOXES = (
     "box_id\tlength_m\twidth_m\theight_m\tmax_kg\tnotes\nS\t0.2\t0.15\t0.1\t5\tsmall\nL\t0.6\t0.4\t0.4\t\t\n"
 )
+LIMITED = (
+    "name,file,friction,com_x_m,com_y_m,com_z_m,this_side_up,max_tilt_deg,max_load_kg,fragile,no_stack,keep_apart\n"
+    "mug,mug.ply,0.4,0,0,0.05,yes,,2.5,no,,food\nplate,plate.ply,,,,,-x,12,,1,true,soap\n"
+)
 ORDER = 'item,qty\nmug,2\n"bowl",1\nbanana,3\n'
-SHORT = '["mug", {"item": "bowl", "qty": 2}, "banana"]'
+LIMITED_ORDER = "item,qty,upright,max_load_kg,fragile\nmug,2,yes,1.5,\nbowl,1,,,yes\nmug,1,x,,no\n"
+SHORT = '["mug", {"item": "bowl", "qty": 2, "fragile": true, "upright": "-x", "max_load_kg": 3}, "banana"]'
 
 
 def one_table(folder: Path) -> MakeOne:
@@ -34,9 +39,11 @@ def one_table(folder: Path) -> MakeOne:
     sound: list[tuple[str, bytes, Callable[[Path], None]]] = [
         ("objects.csv", table, _items),
         ("objects.csv", ITEMS.encode(), _items),
+        ("objects.csv", LIMITED.encode(), _items),
         ("boxes.csv", (ASSETS / "boxes.csv").read_bytes(), _boxes),
         ("boxes.csv", BOXES.encode("utf-16"), _boxes),
         ("order.csv", ORDER.encode("utf-8-sig"), lambda path: _order(path, names)),
+        ("order.csv", LIMITED_ORDER.encode(), lambda path: _order(path, names)),
         ("order.json", SHORT.encode(), lambda path: _order(path, names)),
     ]
     sound += [(f"order{p.suffix}", p.read_bytes(), lambda path: _order(path, names)) for p in orders]
@@ -60,6 +67,7 @@ def _items(path: Path) -> None:
         assert ".." not in Path(entry.file).parts
         assert not Path(entry.file).is_absolute()
         assert entry.mass is None or 0 < entry.mass < float("inf")
+        assert 0 <= entry.limits.bears
 
 
 def _boxes(path: Path) -> None:
