@@ -19,13 +19,23 @@ QUICK = {"heuristic": "hm", "restarts": 0, "cell_size": 0.004, "grid_step": 0.01
 WAYS = ({}, {"constraints": "stability"}, {"constraints": "overlap", "geometry": "parts"})
 
 
+TABLE = """name,file,mass_kg,upright,max_load_kg,fragile,keep_apart,friction
+brick,brick.ply,0.4,,3,,tools,
+book,book.ply,,z,,,,0.4
+can,can.ply,0.2,,,yes,tools,
+"""
+ORDER = "item,qty,max_load_kg\nbrick,1,2\nbook,1,\ncan,2,\n"
+
+
 def one_plan(folder: Path) -> MakeOne:
     """How a damaged plan is made, read and verified: plans for a robot, without one, and on convex parts."""
     os.environ["ROBOTPACK_CACHE"] = str(folder / "cache")
     shelf = folder / "shelf"
     shelf.mkdir()
     write_three(shelf)
-    order = rp.Order.of("brick", "book", "can", "can")
+    (shelf / "objects.csv").write_text(TABLE)
+    (folder / "order.csv").write_text(ORDER)
+    order = rp.load_order(folder / "order.csv", str(shelf))
     sound = []
     for k, way in enumerate(WAYS):
         options = PlanOptions.from_mapping({**QUICK, **way})

@@ -67,7 +67,7 @@ def _items(path: Path) -> None:
         assert ".." not in Path(entry.file).parts
         assert not Path(entry.file).is_absolute()
         assert entry.mass is None or 0 < entry.mass < float("inf")
-        assert 0 <= entry.limits.bears
+        assert entry.limits.bears >= 0
 
 
 def _boxes(path: Path) -> None:
