@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from packenv.env.orders.cuts import CUTS
 from packenv.env.orders.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
-from packenv.env.orders.records import OrderGenerator
+from packenv.env.orders.records import GeneratedOrder, OrderGenerator
 from packenv.env.orders.toys import DEFAULT_CONTAINER, MOST_PIECES, ToyOrders
 from packenv.errors import InputError, OrderError, closest_item, closest_match, is_number
 from packenv.io.orders import MAX_PIECES, read_order
@@ -37,7 +37,7 @@ def from_spec(spec: Mapping[str, object], catalogue: Names) -> OrderGenerator:
 
     ``{"kind": "list", "items": [...]}`` gives these items every time.
 
-    ``{"kind": "file", "path": ...}`` replays order files (CSV or JSON):
+    ``{"kind": "file", "path": ...}`` replays order files (CSV or JSON), the limits that they set included:
 
     - ``path``: a file, a folder (its .csv and .json files by name), or a list of both;
     - ``shuffle`` (false): draw one of them instead of taking turns.
@@ -194,8 +194,9 @@ def _file(reader: _Reader, catalogue: Names) -> OrderGenerator:
     value = reader.value("path")
     given = (value,) if isinstance(value, str) and value else reader.texts("path", right)
     paths = [path for text in given for path in _order_files(Path(text))]
-    orders = tuple(read_order(path, tuple(catalogue)).names for path in paths)
-    return ReplayedOrders(orders, reader.flag("shuffle", False))
+    orders = [read_order(path, tuple(catalogue)) for path in paths]
+    generated = tuple(GeneratedOrder(order.names, limits=order.limits) for order in orders)
+    return ReplayedOrders(generated, reader.flag("shuffle", False))
 
 
 def _order_files(path: Path) -> list[Path]:
