@@ -23,6 +23,7 @@ import numpy as np
 
 from packenv.errors import InputError, OrderError
 from packenv.execution.planning_job import PlanningJob
+from packenv.execution.several_boxes import pack_boxes, shared_out
 from packenv.execution.trajectories import trajectories
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.orders import read_order
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
     import trimesh
 
     from packenv.execution.execute import ExecutedPlan, execute
-    from packenv.execution.rehearsal import Rehearsed
 
 __all__ = [
     "ExecutedPlan",
@@ -65,6 +65,7 @@ __all__ = [
     "load_order",
     "load_plan",
     "plan",
+    "plan_boxes",
     "plan_rest",
     "rehearse",
     "save_plan",
@@ -171,18 +172,67 @@ def plan(
     Raises:
         InputError: an option, the order, the container or a mesh is wrong.
     """
+    (made,) = plan_boxes(
+        order,
+        container,
+        catalogue,
+        options,
+        boxes_max=1,
+        unit=unit,
+        margins=margins,
+        watcher=watcher,
+        **words,
+    )
+    return made
+
+
+def plan_boxes(
+    order: Order,
+    container: Container | str | Sequence[Container],
+    catalogue: Items = "builtin",
+    options: PlanOptions | Mapping[str, Any] | str | None = None,
+    *,
+    boxes_max: int,
+    unit: str | None = None,
+    margins: bool = True,
+    watcher: Watcher = SILENT,
+    **words: Any,
+) -> tuple[Plan, ...]:
+    """Plan an order into several boxes: what does not fit into one goes on into the next.
+
+    Of what the search finds it takes fewest boxes, then least volume of all boxes together.
+
+    Args:
+        order: as for :func:`plan`.
+        container: likewise; each box may be used as often as needed.
+        catalogue: likewise.
+        options: likewise.
+        boxes_max: how many boxes may be used, at least 1.
+        unit: likewise.
+        margins: likewise.
+        watcher: likewise.
+        words: likewise.
+
+    Returns:
+        A plan for each box, whose ``order`` is what is in it; the last one's has what no box takes, too, and names
+        it among its ``leftovers``. With one box it is what :func:`plan` returns.
+
+    Raises:
+        InputError: an option, the number, the order, the container or a mesh is wrong.
+    """
+    if isinstance(boxes_max, bool) or not isinstance(boxes_max, int) or boxes_max < 1:
+        raise InputError(f"boxes_max is {boxes_max!r:.60}, give a whole number of at least 1")
     chosen = _options(options).changed(words)
     shelf = shelf_for(catalogue, chosen, unit)
     boxes = _boxes(container)
     _check_names(order, shelf)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
-    sequence = job.sequence(order.names)
-    packing = job.pack_smallest(boxes, sequence)
-    if chosen.rehearse and packing.placements:
-        rehearsed = job.rehearse(packing.container, sequence, packing)
-        return _rehearsed_plan(rehearsed, order.lines, shelf, chosen, unit)
-    return make_plan(packing, order.lines, shelf, chosen, unit=unit)
+    packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)
+    if len(packings) == 1:
+        return (_boxed(job, packings[0], order.lines, unit),)
+    shares = zip(packings, shared_out(order.lines, packings), strict=True)
+    return tuple(renumbered(_boxed(job, packing, lines, unit)) for packing, lines in shares)
 
 
 def rehearse(
@@ -212,8 +262,7 @@ def rehearse(
     names = [line.item for line in plan.order for _ in range(line.qty)]
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(names)
-    rehearsed = job.rehearse(plan.container, job.sequence(names), Packing.of_plan(plan))
-    return _rehearsed_plan(rehearsed, plan.order, shelf, chosen, plan.unit)
+    return _rehearsed(job, Packing.of_plan(plan), plan.order, plan.unit)
 
 
 def plan_rest(
@@ -271,14 +320,17 @@ def plan_rest(
     return renumbered(made)
 
 
-def _rehearsed_plan(
-    rehearsed: Rehearsed,
-    lines: tuple[OrderLine, ...],
-    shelf: ItemShelf,
-    options: PlanOptions,
-    unit: str | None,
-) -> Plan:
-    return make_plan(rehearsed.chosen, lines, shelf, options, unit=unit, metrics=rehearsed.metrics)
+def _boxed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], unit: str | None) -> Plan:
+    """The plan of one box, rehearsed where that is asked."""
+    if job.options.rehearse and packing.placements:
+        return _rehearsed(job, packing, lines, unit)
+    return make_plan(packing, lines, job.shelf, job.options, unit=unit)
+
+
+def _rehearsed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], unit: str | None) -> Plan:
+    names = job.sequence([line.item for line in lines for _ in range(line.qty)])
+    found = job.rehearse(packing.container, names, packing)
+    return make_plan(found.chosen, lines, job.shelf, job.options, unit=unit, metrics=found.metrics)
 
 
 def _pose(step: int, given: Pose) -> Pose:

@@ -85,6 +85,14 @@ def _count(text: str) -> int:
     return value
 
 
+def _at_least_one(text: str) -> int:
+    """A whole number of at least 1."""
+    value = _count(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+    return value
+
+
 def number(text: str) -> float | str:
     """A number, or the word ``none``."""
     return "none" if text.lower() == "none" else float(text)
@@ -203,6 +211,14 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     )
     pack.add_argument(
         "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
+    )
+    pack.add_argument(
+        "--boxes-max",
+        type=_at_least_one,
+        default=1,
+        metavar="N",
+        help="use up to N boxes of these kinds: fewest boxes, then least volume; files are numbered then, as "
+        "plan-1.json, and --json prints a list of plans (default: %(default)s)",
     )
     planning_options(pack)
     grid_options(pack)

@@ -12,7 +12,7 @@ from packenv.planning.assembly import assemble, packer
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
-from packenv.planning.portfolio import Packer
+from packenv.planning.portfolio import Packer, fullness
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
@@ -109,21 +109,34 @@ class PlanningJob:
             return packing.pack(sequence, self.shelf.prepared, box)
 
     def pack_smallest(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing:
-        """The packing in the smallest container that takes all, else in the largest.
+        """The packing in the smallest container that takes all, else in the largest."""
+        return self.smallest_for_all(boxes[:-1], sequence) or self.pack(boxes[-1], sequence)
 
-        All but the last container are given up as soon as they are known not to do. What does without a margin
-        in a small box goes before a margin in a larger one.
+    def smallest_for_all(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing | None:
+        """The packing in the first container that takes all.
+
+        Each is given up as soon as it is known not to do, and there are no restarts. What does without a margin in a
+        small box goes before a margin in a larger one.
         """
-        no_restarts = replace(self, options=replace(self.options, restarts=0))
-        for box in boxes[:-1]:
-            careful = no_restarts.planner(box, give_up=True)
+        hurried = self._hurried()
+        for box in boxes:
+            careful = hurried.planner(box, give_up=True)
             for planner in (careful, *self._without_margin(careful)):
                 with packer(self.options, planner) as packing:
                     found = packing.pack(sequence, self.shelf.prepared, box)
                 if found.complete:
                     return found
             self.watcher.remark(f"box {box.full_label} does not take all: {found.leftovers[0].detail}")
-        return self.pack(boxes[-1], sequence)
+        return None
+
+    def fill(self, box: Container, sequence: Sequence[str]) -> Packing:
+        """Pack into an empty container what it takes, without restarts: the more volume, the better."""
+        with packer(self.options, self._hurried().planner(box), fullness) as packing:
+            return packing.pack(sequence, self.shelf.prepared, box)
+
+    def _hurried(self) -> PlanningJob:
+        """The same without restarts."""
+        return replace(self, options=replace(self.options, restarts=0))
 
     def _without_margin(self, planner: Planner) -> Iterator[Planner]:
         """A cautious planner without its preference."""
