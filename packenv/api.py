@@ -223,9 +223,11 @@ def plan_boxes(
     if isinstance(boxes_max, bool) or not isinstance(boxes_max, int) or boxes_max < 1:
         raise InputError(f"boxes_max is {boxes_max!r:.60}, give a whole number of at least 1")
     chosen = _options(options).changed(words)
-    shelf = shelf_for(catalogue, chosen, unit)
     boxes = _boxes(container)
+    shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
+    if order.limits:
+        shelf = shelf_for(catalogue_of(catalogue, unit).with_limits(order.limits), chosen)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
     packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)

@@ -8,7 +8,7 @@ Arrays in these records are read-only by convention: whoever wants to change one
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from packenv.errors import ContainerError, OrderError, PlanError, is_number
+from packenv.limits import NO_LIMITS, ItemLimits
 
 if TYPE_CHECKING:
     import trimesh
@@ -138,12 +139,14 @@ class Item:
         volume: enclosed volume, m³.
         mass: kg.
         mass_estimated: True where no mass was given and the documented rule supplied it.
-        com: (3,) centre of mass under uniform density, mesh frame, m.
-        inertia: (3, 3) about the centre of mass, mesh axes, kg m².
+        com: (3,) centre of mass, mesh frame, m: what the user says, else that of uniform density.
+        inertia: (3, 3) about the centre of mass of uniform density, mesh axes, kg m².
         sha256: hex digest of the mesh *as used* (vertices and faces after unit and repair).
         file: the mesh file's name inside its catalogue folder.
         repairs: what was repaired on loading, one phrase each; empty for a sound file.
         notes: what a user should know but need not mend ("2 disjoint bodies: taken as one rigid item").
+        limits: what may not be done with it.
+        friction: coefficient of its surface; None takes that of the options.
     """
 
     name: str
@@ -158,6 +161,8 @@ class Item:
     file: str
     repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    limits: ItemLimits = NO_LIMITS
+    friction: float | None = None
 
     @property
     def extents(self) -> FloatArray:
@@ -167,7 +172,15 @@ class Item:
 
     @classmethod
     def from_trimesh(
-        cls, mesh: trimesh.Trimesh, name: str, *, unit: str | None = None, mass: float | None = None
+        cls,
+        mesh: trimesh.Trimesh,
+        name: str,
+        *,
+        unit: str | None = None,
+        mass: float | None = None,
+        limits: ItemLimits = NO_LIMITS,
+        com: Sequence[float] | None = None,
+        friction: float | None = None,
     ) -> Item:
         """An item of a mesh in memory, checked and mended as a mesh file is.
 
@@ -178,13 +191,16 @@ class Item:
             unit: unit of the numbers: ``m``, ``cm``, ``mm`` or ``in``; None takes what the mesh states, else
                 metres.
             mass: kg; None estimates it from the volume and the hull's.
+            limits: what may not be done with it.
+            com: (3,) centre of mass, mesh frame, m; None is that of uniform density.
+            friction: coefficient of its surface; None takes that of the options.
 
         Raises:
-            InputError: the unit, the mass or the mesh cannot be used: one line that names the item.
+            InputError: the unit, the mesh or another value cannot be used: one line that names the item.
         """
         from packenv.geometry.meshes import item_of
 
-        return item_of(mesh, name, unit=unit, mass=mass)
+        return item_of(mesh, name, unit=unit, mass=mass, limits=limits, com=com, friction=friction)
 
     def to_trimesh(self) -> trimesh.Trimesh:
         """The item's surface as a ``trimesh.Trimesh`` of its own, in metres, with its name and density."""
@@ -349,8 +365,8 @@ class Leftover:
         instance: as in :class:`Placement`.
         reason: a word for programs: ``larger-than-container``, ``no-fitting-orientation``, ``unreachable-container``,
             ``no-legal-candidate``, ``no-graspable-spot``, ``too-heavy``, ``box-overweight``,
-            ``no-usable-orientation``, ``given-up`` (another item of the order found no place) or, where legal
-            candidates were rejected, ``no-packable-candidate``.
+            ``kept-apart``, ``no-usable-orientation``, ``given-up`` (another item of the order found no place) or,
+            where legal candidates were rejected, ``no-packable-candidate``.
         detail: one sentence for people.
         rejections: how many candidates were rejected, by reason.
     """
@@ -364,10 +380,17 @@ class Leftover:
 
 @dataclass(frozen=True)
 class OrderLine:
-    """One line of an order: ``qty`` pieces of the item ``item``."""
+    """One line of an order: ``qty`` pieces of the item ``item``.
+
+    Attributes:
+        item: name of the item.
+        qty: pieces.
+        limits: of the item in this order, beside those of the catalogue.
+    """
 
     item: str
     qty: int
+    limits: ItemLimits = NO_LIMITS
 
     def __post_init__(self) -> None:
         """Write the name as catalogues do.
@@ -403,26 +426,46 @@ class Order:
                 raise OrderError(f"the order has {line!r:.60} as a line, give Order.of('mug', 'bowl')")
 
     @classmethod
-    def of(cls, *names: str) -> Order:
-        """An order made in code: ``Order.of("mug", "bowl", "bowl")``.
+    def of(cls, *names: str, limits: Mapping[str, ItemLimits] | None = None) -> Order:
+        """An order made in code: ``Order.of("mug", "bowl", limits={"mug": ItemLimits(fragile=True)})``.
 
         Args:
             names: item names in sequence, a name as often as there are pieces of it.
+            limits: of items by name, beside those of the catalogue.
 
         Raises:
-            OrderError: no name, or a name that is no text.
+            OrderError: no name, or a name that is no text, or limits of what is not ordered.
         """
+        known = {} if limits is None else limits
         for name in names:
             if not isinstance(name, str) or not name:
                 raise OrderError(f"the order has {name!r:.60}, give item names: Order.of('mug', 'bowl')")
         if not names:
             raise OrderError("the order is empty, give at least one item: Order.of('mug', 'bowl')")
-        return cls(tuple(OrderLine(name, len(list(pieces))) for name, pieces in groupby(names)))
+        for name in known:
+            if name not in names:
+                raise OrderError(f"limits of {name!r:.60}, which the order does not ask for")
+        lines = ((name, len(list(pieces))) for name, pieces in groupby(names))
+        return cls(tuple(OrderLine(name, qty, known.get(name, NO_LIMITS)) for name, qty in lines))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Every piece's item name, quantities written out, in the user's sequence."""
         return tuple(line.item for line in self.lines for _ in range(line.qty))
+
+    @property
+    def limits(self) -> dict[str, ItemLimits]:
+        """Limits by item name that the order sets beside those of the catalogue: see :func:`limits_in`."""
+        return limits_in(self.lines)
+
+
+def limits_in(lines: Iterable[OrderLine]) -> dict[str, ItemLimits]:
+    """Limits by item name that lines of an order set: those of all lines of an item hold for all its pieces."""
+    found: dict[str, ItemLimits] = {}
+    for line in lines:
+        if line.limits != NO_LIMITS:
+            found[line.item] = found.get(line.item, NO_LIMITS).joined(line.limits)
+    return found
 
 
 @dataclass(frozen=True)
@@ -435,6 +478,8 @@ class MeshRecord:
         volume: m³.
         mass: kg.
         mass_estimated: as in :class:`Item`.
+        limits: what may not be done with the item.
+        envelope_sha256: of the item's envelope, the surface that was planned with; None where that is the mesh.
     """
 
     file: str
@@ -442,6 +487,8 @@ class MeshRecord:
     volume: float
     mass: float
     mass_estimated: bool
+    limits: ItemLimits = NO_LIMITS
+    envelope_sha256: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

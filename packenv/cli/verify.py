@@ -11,6 +11,11 @@ from packenv.verification.exact_meshes import AuditReport
 from packenv.verification.report import Verification
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")
+_LIMITS = {
+    "upright": "not upright: step {step} ({item}) leans by {found:.1f}°, it may by {allowed:g}°",
+    "load": "overload: from step {step} on up to {found:.3g} kg rest on {item}, which bears {allowed:g} kg",
+    "keep_apart": "not kept apart: step {step} ({item}) is of group {allowed}, the box holds items of {found}",
+}
 _WITH_PARTS = "with convex parts: "
 
 
@@ -35,8 +40,11 @@ def _report(found: Verification, constraints: str) -> None:
         say(f"misstated: step {step}: corner and extents are not those of the item at its pose")
     for step in found.overweight:
         say(f"overweight: step {step}: from here on the box holds more than its max_kg")
+    for broken in found.limits:
+        say(_LIMITS[broken.limit].format(**vars(broken)))
     for claim in found.claims:
-        say(f"misstated: {claim.where} is {claim.stated!r:.40}, it should be {claim.found:g}")
+        right = f"{claim.found:g}" if isinstance(claim.found, float) else claim.found
+        say(f"misstated: {claim.where} is {claim.stated!r:.60}, it should be {right}")
     counted = _counted(found.audit, (*_FINDINGS, "miscounted"))
     say(
         f"{found.audit.pairs_checked} pairs checked: {counted}, {len(found.misstated) + len(found.claims)} misstated"

@@ -87,20 +87,31 @@ def impossible(vertices: FloatArray, solid: SolidProperties) -> str | None:
     Returns:
         What is wrong, or None.
     """
-    from scipy.spatial import ConvexHull
-
-    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    hull = ConvexHull(vertices - middle)
-    outside = float((hull.equations[:, :3] @ (solid.com - middle) + hull.equations[:, 3]).max())
+    outside, hull = _beyond_hull(vertices, solid.com)
     if outside > ROUNDING * float(np.ptp(vertices, axis=0).max()):
         return f"its centre of mass lies {outside * 1000:.3g} mm outside its convex hull"
-    if solid.volume > hull.volume * (1 + ROUNDING):
+    if solid.volume > hull * (1 + ROUNDING):
         return "it encloses more than its convex hull"
     moments = np.linalg.eigvalsh(solid.inertia)
     # Of any mass, two moments are together as large as the third.
     if moments[0] < -ROUNDING * moments[2] or moments[:2].sum() < moments[2] * (1 - ROUNDING):
         return "its moments of inertia are those of no mass"
     return None
+
+
+def _beyond_hull(vertices: FloatArray, point: FloatArray) -> tuple[float, float]:
+    """How far a point is outside the convex hull, m, below 0 inside; and the hull's volume, m³."""
+    from scipy.spatial import ConvexHull
+
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    hull = ConvexHull(vertices - middle)
+    outside = float((hull.equations[:, :3] @ (point - middle) + hull.equations[:, 3]).max())
+    return outside, float(hull.volume)
+
+
+def beyond_hull(vertices: FloatArray, point: FloatArray) -> float:
+    """How far a point (3,) is outside the convex hull of (n, 3) vertices, m; below 0 inside."""
+    return _beyond_hull(vertices, point)[0]
 
 
 def hull_volume(vertices: FloatArray) -> float:

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from packenv.errors import MeshError, UnitError
-from packenv.geometry.mass import SolidProperties, estimated_mass, hull_volume, impossible, solid_properties
+from packenv.errors import MeshError, UnitError, is_number
+from packenv.geometry.mass import (
+    SolidProperties,
+    beyond_hull,
+    estimated_mass,
+    hull_volume,
+    impossible,
+    solid_properties,
+)
 from packenv.geometry.readers.raw import RawMesh, check_counts, check_indices
 from packenv.geometry.repair import mend, used_part
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.types import FloatArray, IntArray, Item
 
 FORMAT = 3
@@ -116,7 +125,16 @@ def solid_mesh(path: Path, raw: RawMesh, unit: str | None) -> LoadedMesh:
     return LoadedMesh(vertices, faces, solid, result.repairs, result.notes)
 
 
-def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> Item:
+def make_item(
+    name: str,
+    mesh: LoadedMesh,
+    *,
+    file: str,
+    mass: float | None,
+    limits: ItemLimits = NO_LIMITS,
+    com: Sequence[float] | None = None,
+    friction: float | None = None,
+) -> Item:
     """Give a mesh its name, mass and mass properties under uniform density.
 
     Args:
@@ -124,14 +142,19 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
         mesh: from :func:`solid_mesh`.
         file: the mesh file's name inside its catalogue folder.
         mass: kg; None estimates it by :func:`packenv.geometry.mass.estimated_mass`.
+        limits: what may not be done with the item.
+        com: (3,) centre of mass, mesh frame, m; None is that of uniform density.
+        friction: coefficient of its surface; None takes that of the options.
 
     Returns:
         The item.
 
     Raises:
-        MeshError: the mass is not a positive number.
+        MeshError: the mass or the friction is not a positive number, or the centre of mass is outside the hull.
     """
     properties = mesh.solid
+    if friction is not None and not (is_number(friction) and friction > 0):
+        raise MeshError(f"item {name}: its friction is {friction!r:.60}, give a number above 0")
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise MeshError(f"item {name}: its mass is {mass:g}, give kilograms above 0")
     kilograms = mass if mass is not None else estimated_mass(properties.volume, hull_volume(mesh.vertices))
@@ -146,16 +169,46 @@ def make_item(name: str, mesh: LoadedMesh, *, file: str, mass: float | None) -> 
         volume=properties.volume,
         mass=float(kilograms),
         mass_estimated=mass is None,
-        com=properties.com,
+        com=properties.com if com is None else _com_inside(name, mesh.vertices, com),
         inertia=properties.inertia * density,
         sha256=mesh_hash(mesh.vertices, mesh.faces),
         file=file,
         repairs=mesh.repairs,
         notes=notes,
+        limits=limits,
+        friction=friction,
     )
 
 
-def item_of(mesh: Any, name: str, *, unit: str | None = None, mass: float | None = None) -> Item:
+def _com_inside(name: str, vertices: FloatArray, com: Sequence[float]) -> FloatArray:
+    """A centre of mass that the user gives, (3,), m.
+
+    Raises:
+        MeshError: it is none, or outside the hull, where no mass inside the item puts it.
+    """
+    if len(com) != 3 or not all(map(is_number, com)):
+        raise MeshError(f"item {name}: its centre of mass is {com!r:.60}, give three finite numbers, m")
+    centre = np.array(com, dtype=np.float64)
+    outside = beyond_hull(vertices, centre)
+    if outside > 0.0:
+        place = ", ".join(f"{c:g}" for c in centre)
+        raise MeshError(
+            f"item {name}: its centre of mass ({place}) m is {outside * 1000:.3g} mm outside the item's hull; give "
+            "it in the mesh's own frame, in metres"
+        )
+    return centre
+
+
+def item_of(
+    mesh: Any,
+    name: str,
+    *,
+    unit: str | None = None,
+    mass: float | None = None,
+    limits: ItemLimits = NO_LIMITS,
+    com: Sequence[float] | None = None,
+    friction: float | None = None,
+) -> Item:
     """Make an item of a mesh in memory, checked and mended as a mesh file is; see :meth:`Item.from_trimesh`.
 
     Raises:
@@ -184,7 +237,8 @@ def item_of(mesh: Any, name: str, *, unit: str | None = None, mass: float | None
     except MeshError as problem:
         raise MeshError(f"{where}: {problem}") from None
     raw = RawMesh(vertices, faces, split=True, metres=_metres(getattr(mesh, "units", None)))
-    return make_item(name, solid_mesh(where, raw, unit), file=name, mass=mass)
+    loaded = solid_mesh(where, raw, unit)
+    return make_item(name, loaded, file=name, mass=mass, limits=limits, com=com, friction=friction)
 
 
 def _metres(stated: object) -> float | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from packenv.config import GridConfig
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.transforms import yaw_rotation
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.types import Item, OrientedItem, StablePose
 
 
@@ -21,6 +22,7 @@ class PreparedItem:
         volume: m³.
         poses: the stable poses tried, by falling probability.
         orientations: pose by pose, yaw by yaw.
+        limits: what may not be done with it.
     """
 
     name: str
@@ -28,6 +30,7 @@ class PreparedItem:
     volume: float
     poses: tuple[StablePose, ...]
     orientations: tuple[OrientedItem, ...]
+    limits: ItemLimits = NO_LIMITS
 
     @property
     def box_volume(self) -> float:
@@ -60,4 +63,4 @@ def prepare_item(item: Item, grid: GridConfig) -> PreparedItem:
         for index, pose in enumerate(poses)
         for yaw in (k * math.pi / grid.n_yaws for k in range(grid.n_yaws))
     )
-    return PreparedItem(item.name, item.sha256, item.volume, poses, orientations)
+    return PreparedItem(item.name, item.sha256, item.volume, poses, orientations, item.limits)

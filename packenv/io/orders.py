@@ -7,15 +7,17 @@ import re
 from collections.abc import Collection
 from pathlib import Path
 
-from packenv.errors import OrderError, closest_item, closest_match
+from packenv.errors import InputError, OrderError, closest_item, closest_match
+from packenv.io.limit_cells import ALIASES, LIMIT_COLUMNS, limits_of
 from packenv.io.tables import Columns, read_table, read_text
 from packenv.json_text import parse_json
+from packenv.limits import ItemLimits
 from packenv.types import Order, OrderLine, normal_name
 
 MAX_PIECES = 10_000
 """Pieces that an order may have."""
 
-COLUMNS = Columns(required=("item",), optional=("qty",))
+COLUMNS = Columns(required=("item",), optional=("qty", *LIMIT_COLUMNS), aliases=ALIASES)
 """Columns of an order; the keys of its items as JSON."""
 
 _INTEGER = re.compile(r"[+-]?[0-9]{1,12}")
@@ -25,7 +27,8 @@ def read_order(path: Path, catalogue_names: Collection[str]) -> Order:
     """Read an order.
 
     As CSV it has a header and the column ``item``, and may have ``qty`` (without it every line is one
-    piece). As JSON it is ``{"items": [...]}`` or a list, of item names and of ``{"item": ..., "qty": ...}``.
+    piece) and columns of limits, which hold beside those of the catalogue. As JSON it is ``{"items": [...]}``
+    or a list, of item names and of ``{"item": ..., "qty": ...}``, with limits as further keys.
     An item may stand in several lines; their sequence is kept.
 
     Args:
@@ -59,7 +62,7 @@ def _from_csv(path: Path, text: str) -> list[tuple[str, OrderLine]]:
     lines = []
     for row in read_table(path, text, COLUMNS, OrderError):
         quantity = _quantity(row.where, row.text("qty")) if "qty" in row.cells else 1
-        lines.append((row.where, OrderLine(row.text("item"), quantity)))
+        lines.append((row.where, OrderLine(row.text("item"), quantity, limits_of(row))))
     return lines
 
 
@@ -78,14 +81,19 @@ def _json_line(where: str, entry: object) -> OrderLine:
         entry = {"item": entry}
     if not isinstance(entry, dict) or not isinstance(entry.get("item"), str) or not entry["item"].strip():
         raise OrderError(f'{where}: needs the item\'s name, as in "mug" or {{"item": "mug", "qty": 2}}')
+    entry = {ALIASES.get(key, key): value for key, value in entry.items()}
     for key in entry:
         if key not in COLUMNS.read:
-            hint = closest_match(key, COLUMNS.read, "; the keys are item and qty")
+            hint = closest_match(key, COLUMNS.read, f"; the keys are {', '.join(COLUMNS.read)}")
             raise OrderError(f"{where}: unknown key {key!r:.60}{hint}")
     quantity = entry.get("qty", 1)
     if not isinstance(quantity, int) or isinstance(quantity, bool):
         raise OrderError(f"{where}: qty is {json.dumps(quantity)[:40]}, give a whole number above 0")
-    return OrderLine(entry["item"].strip(), _positive(where, quantity))
+    try:
+        limits = ItemLimits.from_mapping({key: entry[key] for key in LIMIT_COLUMNS if key in entry})
+    except InputError as problem:
+        raise OrderError(f"{where}: {problem}") from None
+    return OrderLine(entry["item"].strip(), _positive(where, quantity), limits)
 
 
 def _quantity(where: str, text: str) -> int:

@@ -6,16 +6,17 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from packenv.errors import ContainerError, PlanError, is_number
+from packenv.errors import ContainerError, InputError, PlanError, is_number
 from packenv.geometry.transforms import quaternion_to_rotation, rotation_to_quaternion
 from packenv.io.files import write_whole
 from packenv.json_text import read_json
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.shipped import BUILTIN, MEMORY
 from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
 from packenv.version import __version__
@@ -23,17 +24,6 @@ from packenv.version import __version__
 SCHEMA_VERSION = 1
 _HUGE = 1e12
 """No number in a plan is larger; NaN is not either."""
-
-
-@dataclass(frozen=True)
-class EnvelopeRecord(MeshRecord):
-    """What a plan on convex parts keeps of an item.
-
-    Attributes:
-        envelope_sha256: of the item's envelope, the surface that was planned with.
-    """
-
-    envelope_sha256: str
 
 
 _PATH = "manipulation"
@@ -71,8 +61,10 @@ def plan_to_json(plan: Plan) -> dict[str, Any]:
         "made_by": plan.made_by,
         "lying": plan.lying,
         "settings": plan.settings,
-        "order": [{"item": line.item, "qty": line.qty} for line in plan.order],
-        "meshes": {name: asdict(mesh) for name, mesh in plan.meshes.items()},
+        "order": [
+            {"item": line.item, "qty": line.qty, **_limits_to_json(line.limits)} for line in plan.order
+        ],
+        "meshes": {name: _mesh_to_json(mesh) for name, mesh in plan.meshes.items()},
         "steps": [_step_to_json(k, placement) for k, placement in enumerate(plan.placements, start=1)],
         "leftovers": [
             {
@@ -106,6 +98,18 @@ def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
         "rejections": placement.rejections,
         "details": {**placement.details, **_path_to_json(placement.path)},
     }
+
+
+def _mesh_to_json(mesh: MeshRecord) -> dict[str, Any]:
+    document = {f.name: getattr(mesh, f.name) for f in fields(mesh)}
+    del document["limits"]
+    if mesh.envelope_sha256 is None:
+        del document["envelope_sha256"]
+    return {**document, **_limits_to_json(mesh.limits)}
+
+
+def _limits_to_json(limits: ItemLimits) -> dict[str, Any]:
+    return {} if limits == NO_LIMITS else {"limits": limits.to_mapping()}
 
 
 def _path_to_json(path: RobotPath | None) -> dict[str, Any]:
@@ -260,16 +264,23 @@ class _Reader:
         )
 
     def mesh(self, row: object, where: str) -> MeshRecord:
-        record = MeshRecord(
+        on_parts = isinstance(row, Mapping) and "envelope_sha256" in row
+        return MeshRecord(
             self.text(row, "file", where),
             self.text(row, "sha256", where),
             self.positive(row, "volume", where),
             self.positive(row, "mass", where),
             bool(self.get(row, "mass_estimated", where)),
+            self.limits(row, where),
+            self.text(row, "envelope_sha256", where) if on_parts else None,
         )
-        if not isinstance(row, Mapping) or "envelope_sha256" not in row:
-            return record
-        return EnvelopeRecord(**asdict(record), envelope_sha256=self.text(row, "envelope_sha256", where))
+
+    def limits(self, row: object, where: str) -> ItemLimits:
+        given = row.get("limits", {}) if isinstance(row, Mapping) else {}
+        try:
+            return ItemLimits.from_mapping(given)
+        except InputError as problem:
+            raise PlanError(f"{self.path}: {where}.limits: {problem}") from None
 
     def plan(self, document: dict[str, Any]) -> Plan:
         box = self.mapping(document, "container")
@@ -305,7 +316,11 @@ class _Reader:
             unit=unit if isinstance(unit, str) else None,
             density=None if document.get("density") is None else self.number(document, "density", "the plan"),
             order=tuple(
-                OrderLine(self.text(row, "item", f"order[{k}]"), self.count(row, "qty", f"order[{k}]", 1))
+                OrderLine(
+                    self.text(row, "item", f"order[{k}]"),
+                    self.count(row, "qty", f"order[{k}]", 1),
+                    self.limits(row, f"order[{k}]"),
+                )
                 for k, row in enumerate(self.rows(document, "order"))
             ),
             meshes={

@@ -11,8 +11,8 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from packenv.errors import InputError, closest_match
@@ -41,11 +41,13 @@ class Columns:
         required: must be there.
         optional: may be there.
         remarks: may be there, for people; nothing reads them.
+        aliases: other names of columns, each with the one that it stands for.
     """
 
     required: tuple[str, ...]
     optional: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def read(self) -> tuple[str, ...]:
@@ -121,8 +123,8 @@ class Row:
         """
         return normal_name(self.text(column))
 
-    def positive(self, column: str, unit: str) -> float:
-        """A cell that must hold a finite number above 0.
+    def number(self, column: str) -> float:
+        """A cell that must hold a finite number.
 
         Raises:
             InputError: it holds something else (in the row's class of errors).
@@ -135,8 +137,19 @@ class Row:
             if _DECIMAL_COMMA.fullmatch(text):
                 hint = f", decimals take a point: {text.replace(',', '.')}"
             raise self.error(f"{self.where}: {column} is {text!r}, which is not a number{hint}") from None
-        if not (math.isfinite(value) and value > 0):
-            raise self.error(f"{self.where}: {column} is {text}, give {unit} above 0")
+        if not math.isfinite(value):
+            raise self.error(f"{self.where}: {column} is {text}, give a finite number")
+        return value
+
+    def positive(self, column: str, unit: str) -> float:
+        """A cell that must hold a finite number above 0.
+
+        Raises:
+            InputError: it holds something else (in the row's class of errors).
+        """
+        value = self.number(column)
+        if not value > 0:
+            raise self.error(f"{self.where}: {column} is {self.text(column)}, give {unit} above 0")
         return value
 
     def _decimal_comma(self, text: str) -> bool:
@@ -222,7 +235,7 @@ def read_table(path: Path, text: str, columns: Columns, error: type[InputError])
                 continue
             where = f"{path}, line {reader.line_num}"
             if header is None:
-                header = [normal_name(cell) for cell in _cut(cells, 0)]
+                header = [columns.aliases.get(name, name) for name in map(normal_name, _cut(cells, 0))]
                 columns.check(path, header, error)
                 continue
             cells = _cut(cells, len(header))

@@ -33,7 +33,9 @@ class ItemCache:
     def prepared_file(self, item: Item, grid: GridConfig) -> CacheFile:
         """Where the prepared item of this mesh, centre of mass and discretization is kept."""
         made_of = (_FORMAT, item.sha256, item.com.tolist(), grid.cell_size, grid.n_poses, grid.n_yaws)
-        return CacheFile(self.folder, "prepared", repr((*made_of, HEIGHT_QUANTUM)))
+        limits = item.limits
+        upright = () if limits.upright is None else (limits.upright, limits.tilt_deg)
+        return CacheFile(self.folder, "prepared", repr((*made_of, HEIGHT_QUANTUM, *upright)))
 
     def parts_file(self, item: Item) -> CacheFile:
         """Where the convex parts of this mesh are kept."""
@@ -142,4 +144,4 @@ def _unpack(item: Item, grid: GridConfig, arrays: Mapping[str, np.ndarray]) -> P
                 cell_size=grid.cell_size,
             )
         )
-    return PreparedItem(item.name, item.sha256, item.volume, kept, tuple(oriented))
+    return PreparedItem(item.name, item.sha256, item.volume, kept, tuple(oriented), item.limits)

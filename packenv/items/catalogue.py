@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from packenv.errors import CatalogueError, closest_item, is_number
 from packenv.geometry.mesh_files import ARCHIVES, EXTENSIONS
 from packenv.geometry.meshes import HEAVIEST, UNITS, check_unit, make_item
+from packenv.io.limit_cells import ALIASES, LIMIT_COLUMNS, limits_of
 from packenv.io.tables import Columns, Row, read_table, read_text
 from packenv.items.mesh_cache import kept_mesh
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.shipped import BUILTIN, MEMORY, assets_dir
 from packenv.types import Item, normal_name
 
 TABLE = "objects.csv"
 """Name of a catalogue's table."""
 
+COM = ("com_x_m", "com_y_m", "com_z_m")
+"""Columns of the centre of mass, mesh frame: all three or none."""
+
 COLUMNS = Columns(
     required=("name", "file"),
-    optional=("mass_kg", "unit", "parts_file"),
+    optional=("mass_kg", "unit", "parts_file", *COM, "friction", *LIMIT_COLUMNS),
     remarks=(
         *("set", "category", "source", "licence", "notes", "repair", "n_vertices", "n_faces", "n_bodies"),
         *("extents_x", "extents_y", "extents_z", "volume_m3", "hull_volume_m3", "convexity"),
     ),
+    aliases=ALIASES,
 )
 """Columns of a catalogue's table."""
 
@@ -42,12 +48,18 @@ class CatalogueEntry:
         unit: unit of the mesh, or None.
         parts_file: file of the convex parts that the mesh is made of, relative to the folder and in the
             mesh's unit, or None.
+        limits: what may not be done with the item.
+        com: centre of mass, mesh frame, m, or None.
+        friction: coefficient of its surface, or None.
     """
 
     file: str
     mass: float | None = None
     unit: str | None = None
     parts_file: str | None = None
+    limits: ItemLimits = NO_LIMITS
+    com: tuple[float, float, float] | None = None
+    friction: float | None = None
 
 
 class Catalogue:
@@ -80,10 +92,29 @@ class Catalogue:
         made._items.update(items)
         return made
 
+    def with_limits(self, limits: Mapping[str, ItemLimits]) -> Catalogue:
+        """The catalogue with further limits on some of its items, by name; itself where there are none."""
+        limited = {normal_name(name): given for name, given in limits.items() if given != NO_LIMITS}
+        if not limited:
+            return self
+        made = Catalogue(self.label, self.folder, self.entries, self.density)
+        made._items.update({name: item for name, item in self._items.items() if name not in limited})
+        for name, given in limited.items():
+            item = self.item(name)
+            made._items[name] = replace(item, limits=item.limits.joined(given))
+        return made
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all items, in the table's sequence."""
         return tuple(self.entries)
+
+    @property
+    def limited(self) -> bool:
+        """Whether an item has limits."""
+        named = (entry.limits for entry in self.entries.values())
+        loaded = (item.limits for item in self._items.values())
+        return any(limits != NO_LIMITS for limits in (*named, *loaded))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -105,7 +136,15 @@ class Catalogue:
             mass = entry.mass
             if mass is None and self.density is not None:
                 mass = self.density * mesh.solid.volume
-            self._items[name] = make_item(name, mesh, file=entry.file, mass=mass)
+            self._items[name] = make_item(
+                name,
+                mesh,
+                file=entry.file,
+                mass=mass,
+                limits=entry.limits,
+                com=entry.com,
+                friction=entry.friction,
+            )
         return self._items[name]
 
     def parts_file(self, name: str) -> Path | None:
@@ -140,9 +179,10 @@ def open_catalogue(
     """Open a catalogue: its table is read and checked now, its meshes later.
 
     ``objects.csv`` has the columns ``name`` and ``file`` (a path inside the folder), and may have
-    ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit`` and
-    ``parts_file``; :data:`COLUMNS` has all of them. In a folder without one, every mesh file is an
-    item of its stem's name. In both, ``<stem>.parts.obj`` beside a mesh is taken for its ``parts_file``.
+    ``mass_kg`` (empty: estimated, see :func:`packenv.geometry.mass.estimated_mass`), ``unit``,
+    ``parts_file``, the centre of mass, ``friction`` and limits; :data:`COLUMNS` has all of them. In a folder
+    without one, every mesh file is an item of its stem's name. In both, ``<stem>.parts.obj`` beside a mesh is
+    taken for its ``parts_file``.
 
     Args:
         folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
@@ -192,7 +232,13 @@ def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:
             raise CatalogueError(f"{row.where}: name {name[:40]!r} must be printable, at most 200 characters")
         folder = table.parent
         entry = CatalogueEntry(
-            _file(row, "file", folder), _mass(row), _unit(row) or unit, _parts_file(row, folder)
+            _file(row, "file", folder),
+            row.positive("mass_kg", "kilograms") if row.cells.get("mass_kg") else None,
+            _unit(row) or unit,
+            _parts_file(row, folder),
+            limits_of(row),
+            _com(row),
+            row.positive("friction", "a coefficient") if row.cells.get("friction") else None,
         )
         if name in entries:
             raise CatalogueError(
@@ -227,8 +273,11 @@ def _file(row: Row, column: str, folder: Path) -> str:
     return str(PurePosixPath(next((form for form in forms if (folder / form).is_file()), text)))
 
 
-def _mass(row: Row) -> float | None:
-    return row.positive("mass_kg", "kilograms") if row.cells.get("mass_kg") else None
+def _com(row: Row) -> tuple[float, float, float] | None:
+    if not any(row.cells.get(column) for column in COM):
+        return None
+    x, y, z = (row.number(column) for column in COM)
+    return x, y, z
 
 
 def _unit(row: Row) -> str | None:

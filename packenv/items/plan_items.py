@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.errors import CatalogueError, InputError, PlanError
 from packenv.extensions import is_extension
-from packenv.io.plans import EnvelopeRecord, read_plan
+from packenv.io.plans import read_plan
 from packenv.items.catalogue import Catalogue, open_catalogue
 from packenv.items.memory import items_of_meshes
 from packenv.items.shelf import ItemShelf, shelf_in
@@ -19,7 +19,7 @@ from packenv.planning.search.replay import replay_plan
 from packenv.planning.sequence import pieces_of
 from packenv.robot.cell import Cell
 from packenv.shipped import MEMORY
-from packenv.types import Item, Plan
+from packenv.types import Item, Plan, limits_in
 
 if TYPE_CHECKING:
     import trimesh
@@ -160,7 +160,9 @@ def shelf_of(
                 f"{plan.label}: its meshes: {problem}; or name their folder by --catalogue"
             ) from None
     made = options_of(plan)
-    shelf = shelf_for(catalogue, options or made)
+    limits = limits_in(plan.order)
+    known = {name: given for name, given in limits.items() if name in catalogue_of(catalogue)}
+    shelf = shelf_for(catalogue_of(catalogue).with_limits(known) if known else catalogue, options or made)
     names = [p.item for p in plan.placements] + [left.item for left in plan.leftovers if leftovers]
     for name in dict.fromkeys(names):
         if name not in shelf:
@@ -219,7 +221,7 @@ def _check_mesh(plan: Plan, name: str, shelf: ItemShelf, made_on: Geometry) -> N
         )
     if shelf.geometry != "parts" or made_on != "parts":
         return
-    if not isinstance(record, EnvelopeRecord):
+    if record.envelope_sha256 is None:
         raise PlanError(
             f"{plan.label}: meshes.{name} has no 'envelope_sha256', which plans of geometry 'parts' have"
         )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 
-from packenv.io.plans import EnvelopeRecord
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
@@ -67,8 +65,8 @@ def mesh_records(names: Iterable[str], shelf: ItemShelf) -> dict[str, MeshRecord
     records: dict[str, MeshRecord] = {}
     for name in names:
         item = shelf.items[name]
-        record = MeshRecord(item.file, item.sha256, item.volume, item.mass, item.mass_estimated)
-        if shelf.geometry == "parts":
-            record = EnvelopeRecord(**asdict(record), envelope_sha256=shelf.shapes[name].sha256)
-        records[name] = record
+        envelope = shelf.shapes[name].sha256 if shelf.geometry == "parts" else None
+        records[name] = MeshRecord(
+            item.file, item.sha256, item.volume, item.mass, item.mass_estimated, item.limits, envelope
+        )
     return records

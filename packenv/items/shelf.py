@@ -14,6 +14,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import Catalogue
 from packenv.items.parts_files import exact_parts
+from packenv.limits import NO_LIMITS
 from packenv.planning.options import Geometry
 from packenv.types import Item
 
@@ -209,6 +210,12 @@ class ItemShelf:
         return ItemShelf(
             self.catalogue, grid, geometry, cache=self._cache, field_memory=fields, map_memory=maps
         )
+
+    @property
+    def limited(self) -> bool:
+        """Whether an item has limits."""
+        brought = any(item.limits != NO_LIMITS for item in self._brought.values())
+        return brought or self.catalogue.limited
 
     def __contains__(self, name: object) -> bool:
         return name in self._brought or name in self.catalogue

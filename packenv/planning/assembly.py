@@ -12,6 +12,7 @@ from packenv.errors import InputError
 from packenv.extensions import code_digest, is_extension, load_extension, made_extension
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.admission import Admission
 from packenv.planning.constraints import Constraint
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
@@ -24,8 +25,11 @@ from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_
 from packenv.planning.search.orientations import perturbations
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.constraint import StabilityConstraint
+from packenv.planning.stability.contact_finder import contact_finder
+from packenv.planning.stability.loads import LoadConstraint, LoadLimits
 from packenv.planning.stability.margins import MarginRule
 from packenv.planning.tiers import Strategy, Tier
+from packenv.planning.upright import UprightConstraint
 from packenv.types import Container, Item, OrientedItem
 
 MEMBERS = ("minz", "hm", "dblf", "mta")
@@ -58,12 +62,17 @@ class PlanningItems(Protocol):
 
     @property
     def fields(self) -> Mapping[str, SurfaceField]:
-        """Their surfaces; not read under the overlap constraints."""
+        """Their surfaces; not read under the overlap constraints where no item is limited."""
         ...
 
     @property
     def masses(self) -> Mapping[str, float]:
         """Kg."""
+        ...
+
+    @property
+    def limited(self) -> bool:
+        """Whether an item of theirs may have limits."""
         ...
 
 
@@ -151,9 +160,11 @@ def constraints_of(
         margins: have the margin of every placed item in its figures, a few milliseconds each.
         manipulation: to use again, with the grasps that it knows.
     """
-    found: list[Constraint] = []
+    found: list[Constraint] = [UprightConstraint(items.prepared)] if items.limited else []
+    rule = margin_rule(options.stability)
+    contacts = contact_finder(options.contacts, tight=rule is not None)
+    loads = LoadLimits(items.shapes, items.fields, contacts) if items.limited else None
     if options.constraints != "overlap":
-        rule = margin_rule(options.stability)
         checker = StabilityChecker(options.setup.friction)
         found.append(
             StabilityConstraint(
@@ -164,8 +175,11 @@ def constraints_of(
                 options.contacts,
                 with_margin=margins,
                 prestress=counts_prestress(options.stability),
+                loads=loads,
             )
         )
+    elif loads is not None:
+        found.append(LoadConstraint(loads))
     if options.constraints == "robot":
         cell = options.setup.with_container(container)
         found.append(
@@ -233,7 +247,7 @@ def assemble(
         items.shapes if options.heights == "mesh" else None,
         # FirstFit and Random are yardsticks: they know no better place than the next one.
         "grid" if name_of(heuristic) in ("first-fit", "random") else options.places,
-        items.masses,
+        Admission(items.shapes),
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from packenv.planning.admission import Held
 from packenv.planning.search.container_map import ContainerMap
 from packenv.types import Container, Leftover, Placement, Plan
 
@@ -16,12 +17,12 @@ class Pile:
     Attributes:
         surface: its heightmap.
         states: what each constraint keeps of the pile, in their order.
-        mass: of what is in it, kg.
+        held: what is in it, as far as it matters for what else the box takes.
     """
 
     surface: ContainerMap
     states: tuple[Any, ...] = ()
-    mass: float = 0.0
+    held: Held = field(default_factory=Held)
 
 
 PERHAPS = ("no-legal-candidate", "no-packable-candidate")

@@ -12,6 +12,7 @@ import numpy as np
 from packenv.config import CLEARANCE, GridConfig
 from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.admission import Admission, Held
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import ORIENTATION, Inquiry, barrier, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP, TOO_HEAVY
@@ -31,6 +32,10 @@ from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, P
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
+
+_UNUSABLE = "no-usable-orientation"
+_OBJECTED = {TOO_HEAVY: TOO_HEAVY, NO_GRASP: "no-graspable-spot"}
+"""Reasons of leftovers all of whose orientations meet with one objection."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -56,7 +61,7 @@ class PassRules:
         shapes: meshes of all items by name: candidates are lowered to where the meshes meet. None leaves them
             where the heightmaps say, as the paper does.
         places: whether places off the grid are candidates, too.
-        masses: of the items by name, kg: for containers that may not hold more than so much.
+        admission: which items a box takes at all.
         only: rotations, as bytes, of items that are tried at some orientations alone.
     """
 
@@ -72,7 +77,7 @@ class PassRules:
     release: float = RELEASE_HEIGHT
     shapes: Mapping[str, Item] | None = None
     places: Places = "grid"
-    masses: Mapping[str, float] = field(default_factory=dict)
+    admission: Admission = field(default_factory=Admission)
     only: Mapping[str, frozenset[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -94,7 +99,7 @@ class PassRules:
             resting: what lies in it.
         """
         states = tuple(constraint.start(resting) for constraint in self.constraints)
-        return Pile(surface, states, sum(lying.item.mass for lying in resting))
+        return Pile(surface, states, Held.of(lying.item for lying in resting))
 
 
 @dataclass(eq=False)
@@ -129,16 +134,14 @@ class PackingPass:
         waiting = PackingSequence(pieces)
         rejections: dict[Piece, Counter[str]] = {}
         leftovers: list[Leftover] = []
-        laden = self.pile.mass
+        held = self.pile.held
         while (piece := waiting.current) is not None:
-            mass, most = self.planner.masses.get(piece.item, 0.0), self.container.max_kg
-            if most is not None and laden + mass > most:
-                why = (
-                    f"with {piece.item} ({mass:.3g} kg) the box would hold {laden + mass:.4g} of {most:g} kg"
-                )
+            refusal = self.planner.admission.refusal(piece.item, held, self.container)
+            if refusal is not None:
+                reason, why = refusal
                 if self.planner.give_up:
                     return self.given_up(pieces, why)
-                leftovers.append(Leftover(piece.item, piece.instance, "box-overweight", why))
+                leftovers.append(Leftover(piece.item, piece.instance, reason, why))
                 waiting.give_up()
                 continue
             if waiting.stage == 0:
@@ -158,7 +161,7 @@ class PackingPass:
                     waiting.give_up()
                     continue
             waiting.placed()
-            laden += mass
+            held = self.planner.admission.with_item(held, piece.item)
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(
@@ -356,19 +359,11 @@ class PackingPass:
         fitting = [oriented for oriented in inside if self.fits([oriented])]
         objections = [objection(self.planner.constraints, oriented) for oriented in fitting]
         words = sorted({word for word in objections if word is not None})
-        explained = (c.explanation(fitting[0]) for c in self.planner.constraints if fitting)
-        if words == [TOO_HEAVY]:
-            reason = TOO_HEAVY
-            detail = next((why for why in explained if why is not None), f"{item.name} is too heavy")
-        elif words == [NO_GRASP] and None not in objections:
-            reason = "no-graspable-spot"
-            detail = (
-                f"{item.name} has no graspable spot in any orientation that fits; a less strict rule of --grasp, or "
-                "--constraints stability, which asks for no robot, may do"
-            )
-        elif words and None not in objections:
-            reason = "no-usable-orientation"
-            detail = f"every orientation of {item.name} that fits is ruled out: {', '.join(words)}"
+        explained = (c.explanation(o) for o in fitting for c in self.planner.constraints)
+        if words and None not in objections:
+            reason = _OBJECTED.get(words[0], _UNUSABLE) if len(words) == 1 else _UNUSABLE
+            ruled_out = f"every orientation of {item.name} that fits is ruled out: {', '.join(words)}"
+            detail = next((why for why in explained if why is not None), ruled_out)
         elif any(not reason.startswith(ORIENTATION) for reason in rejections):
             counts = ", ".join(f"{n} {reason}" for reason, n in sorted(rejections.items()))
             reason = "no-packable-candidate"

@@ -127,5 +127,5 @@ def _goodness(packing: Packing) -> tuple[int, float]:
 
 
 def by_box_volume(names: Sequence[str], items: Mapping[str, PreparedItem]) -> list[str]:
-    """The paper's sequence: non-increasing bounding-box volume, then name."""
-    return sorted(names, key=lambda name: (-items[name].box_volume, name))
+    """The paper's sequence: non-increasing bounding-box volume, then name; what bears nothing comes last."""
+    return sorted(names, key=lambda name: (not items[name].limits.bears, -items[name].box_volume, name))

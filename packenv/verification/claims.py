@@ -29,13 +29,13 @@ class Misstatement:
 
     where: str
     stated: object
-    found: float
+    found: object
 
 
 def misstatements(
     plan: Plan, items: Mapping[str, Item], shapes: Mapping[str, Item]
 ) -> tuple[Misstatement, ...]:
-    """Masses and volumes that are not the catalogue's, and metrics that are not the plan's own.
+    """Masses, volumes and limits that are not the catalogue's, and metrics that are not the plan's own.
 
     Of metrics those are compared that are there, but for what rehearsals found.
 
@@ -56,18 +56,19 @@ def not_checked(plan: Plan) -> tuple[str, ...]:
     return (*_NEVER_CHECKED, *named, *rehearsed, *reasons)
 
 
-def _of_meshes(plan: Plan, items: Mapping[str, Item]) -> Iterator[tuple[str, object, float]]:
+def _of_meshes(plan: Plan, items: Mapping[str, Item]) -> Iterator[tuple[str, object, object]]:
     for name, item in items.items():
         record = plan.meshes.get(name)
         if record is not None:
             yield f"meshes.{name}.volume", record.volume, item.volume
             yield f"meshes.{name}.mass", record.mass, item.mass
             yield f"meshes.{name}.mass_estimated", float(record.mass_estimated), float(item.mass_estimated)
+            yield f"meshes.{name}.limits", record.limits.to_mapping(), item.limits.to_mapping()
 
 
 def _of_metrics(
     plan: Plan, items: Mapping[str, Item], shapes: Mapping[str, Item]
-) -> Iterator[tuple[str, object, float]]:
+) -> Iterator[tuple[str, object, object]]:
     tops = [float((shapes[p.item].vertices @ p.rotation[2] + p.position[2]).max()) for p in plan.placements]
     found = {
         "ordered": float(sum(line.qty for line in plan.order)),
@@ -81,5 +82,7 @@ def _of_metrics(
             yield f"metrics.{name}", stated, found.get(name, float(routes[name]))
 
 
-def _agree(stated: object, found: float) -> bool:
+def _agree(stated: object, found: object) -> bool:
+    if not is_number(found):
+        return stated == found
     return is_number(stated) and abs(stated - found) <= _TOLERANCE * abs(found)

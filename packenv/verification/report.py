@@ -10,6 +10,7 @@ from packenv.items.plan_items import Items, options_of, shelf_of
 from packenv.types import Item, Plan
 from packenv.verification.claims import Misstatement, misstatements, not_checked
 from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
+from packenv.verification.limits import BrokenLimit, broken_limits
 from packenv.verification.stability_and_reach import Recheck, recheck
 
 
@@ -22,7 +23,8 @@ class Verification:
         envelopes: the same from meshes and convex parts, for plans on these.
         misstated: steps (from 1) whose stated bounding box is not that of the item at its pose.
         overweight: steps from which on the container holds more than it may.
-        claims: masses, volumes and metrics that are not what the meshes and the poses say.
+        limits: limits of items that are not kept.
+        claims: masses, volumes, limits and metrics that are not what the catalogue and the poses say.
         recheck: stability and the robot's way.
         not_checked: what else the plan says, which nothing here compares.
         unchecked: own constraints that the plan names; only their authors can check them.
@@ -34,6 +36,7 @@ class Verification:
     envelopes: AuditReport | None
     misstated: tuple[int, ...]
     overweight: tuple[int, ...]
+    limits: tuple[BrokenLimit, ...]
     claims: tuple[Misstatement, ...]
     recheck: Recheck
     not_checked: tuple[str, ...]
@@ -45,7 +48,7 @@ class Verification:
     def ok(self) -> bool:
         """True where nothing was found."""
         sound = self.audit.ok and (self.envelopes is None or self.envelopes.ok)
-        true = not self.misstated and not self.claims and not self.overweight
+        true = not self.misstated and not (self.claims or self.overweight or self.limits)
         return sound and true and self.recheck.ok
 
     def to_json(self) -> dict[str, object]:
@@ -54,6 +57,7 @@ class Verification:
             **self.audit.to_json(),
             "misstated_boxes": self.misstated,
             "overweight_steps": self.overweight,
+            "broken_limits": [asdict(broken) for broken in self.limits],
             "misstated_claims": [asdict(claim) for claim in self.claims],
             **asdict(self.recheck),
             "not_checked": self.not_checked,
@@ -94,6 +98,7 @@ def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = Non
         audit_plan(plan, shapes) if options.shape == "parts" else None,
         misstated_boxes(plan, shapes),
         _overweight(plan, items),
+        broken_limits(plan, shapes, shelf.fields, options),
         misstatements(plan, items, shapes),
         recheck(plan, shapes, shelf.fields, options),
         not_checked(plan),

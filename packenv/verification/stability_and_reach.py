@@ -22,7 +22,7 @@ from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.replay import replay_plan
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.constraint import ContactFinder, contact_finder, grounded
+from packenv.planning.stability.contact_finder import ContactFinder, contact_finder, grounded
 from packenv.planning.stability.contact_patches import tighten
 from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.margins import MarginRule, check_margin

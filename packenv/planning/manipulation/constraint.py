@@ -49,11 +49,16 @@ class ManipulationConstraint(Constraint):
         return None if self.grasps(oriented) else NO_GRASP
 
     def explanation(self, oriented: OrientedItem) -> str | None:
-        """What an item weighs that is too heavy."""
+        """What an item weighs that is too heavy, or what helps where the cup finds no spot."""
         mass, most = self._mass(oriented), self.checker.cell.robot.gripper.heaviest
-        if mass <= most:
+        if mass > most:
+            return f"{oriented.item} weighs {mass:.3g} kg, and the gripper holds at most {most:.3g} kg"
+        if self.grasps(oriented):
             return None
-        return f"{oriented.item} weighs {mass:.3g} kg, and the gripper holds at most {most:.3g} kg"
+        return (
+            f"{oriented.item} has no graspable spot in any orientation that fits; a less strict rule of --grasp, or "
+            "--constraints stability, which asks for no robot, may do"
+        )
 
     def _mass(self, oriented: OrientedItem) -> float:
         return self.masses.get(oriented.item, 0.0)

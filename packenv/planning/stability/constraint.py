@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,32 +13,13 @@ from packenv.planning.options import ContactRule
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
 from packenv.planning.stability.checker import StabilityChecker, StabilityResult
-from packenv.planning.stability.contact_patches import thin, tighten
-from packenv.planning.stability.contacts import Body, item_contacts, join, no_contacts
+from packenv.planning.stability.contact_finder import contact_finder, grounded
+from packenv.planning.stability.contact_patches import tighten
+from packenv.planning.stability.contacts import Body, join, no_contacts
+from packenv.planning.stability.loads import OVERLOAD, Balanced, LoadLimits, Loads, loads_details
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
-from packenv.planning.stability.paper_contacts import paper_contacts
 from packenv.planning.stability.settling import settled_tilt, settles, settles_with
-from packenv.types import Contacts, Container, FloatArray
-
-ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
-
-
-def contact_finder(rule: ContactRule, *, tight: bool) -> ContactFinder:
-    """How contacts of a new item with the pile are found.
-
-    Args:
-        rule: ``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by
-            1.03 that overlaps, merged in 1 cm cells.
-        tight: tighten surface contacts to those that can touch together: a margin on contacts that only the
-            threshold bridges would be no margin.
-    """
-    if rule == "paper":
-        return lambda new, others, container, index: paper_contacts(new, others, container, index=index)
-    if tight:
-        return lambda new, others, container, index: thin(
-            tighten(item_contacts(new, others, container, index=index))
-        )
-    return lambda new, others, container, index: thin(item_contacts(new, others, container, index=index))
+from packenv.types import Contacts, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +33,9 @@ class PileState:
         contacts: all of them, thinned.
         balance: the forces that were found, one result for each direction of gravity that was asked.
         ground: how many of the first bodies are taken as part of the container.
-        found: contacts of the candidates that were asked on this pile, by place: tiers ask the same ones.
+        loads: what rests on what.
+        found: contacts of the candidates that were asked on this pile, by place: tiers ask the same ones. Ground
+            is told apart in them.
     """
 
     bodies: tuple[Body, ...]
@@ -62,6 +44,7 @@ class PileState:
     contacts: Contacts
     balance: tuple[StabilityResult, ...]
     ground: int = 0
+    loads: Loads = field(default_factory=Loads)
     found: dict[tuple[str, bytes, int, int, float], Contacts] = field(default_factory=dict, repr=False)
 
 
@@ -81,6 +64,7 @@ class StabilityConstraint(Constraint):
             leaves the state of the pile as it is without.
         prestress: count on contacts that only press against each other (the paper's rule); otherwise the new
             item must also settle (:mod:`packenv.planning.stability.settling`).
+        loads: what items bear; None where none is limited.
     """
 
     fields: Mapping[str, SurfaceField]
@@ -91,6 +75,7 @@ class StabilityConstraint(Constraint):
     with_margin: bool = False
     alone: MarginRule | None = None
     prestress: bool = False
+    loads: LoadLimits | None = None
 
     @property
     def name(self) -> str:
@@ -100,7 +85,8 @@ class StabilityConstraint(Constraint):
     def start(self, resting: Sequence[Resting] = ()) -> PileState:
         """What lies at rest is taken as ground, like the floor: it proved that it stands."""
         ground = tuple(Body(self.fields[p.item.name], p.rotation, p.position) for p in resting)
-        return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground))
+        loads = Loads(tuple(resting))
+        return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground), loads)
 
     def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
         """Whether the pile stands with the candidate placed."""
@@ -109,16 +95,24 @@ class StabilityConstraint(Constraint):
         body = Body(self.fields[name], trial.oriented.rotation, trial.position, box)
         index = len(state.bodies) - state.ground + 1
         place = (name, trial.oriented.rotation.tobytes(), trial.ix, trial.iy, trial.z)
-        own = state.found.get(place)
-        if own is None:
+        touched = state.found.get(place)
+        if touched is None:
             find = contact_finder(self.contact_rule, tight=self.rule is not None)
-            own = grounded(find(body, state.bodies, surface.container, index + state.ground), state.ground)
-            state.found[place] = own
+            touched = state.found[place] = find(body, state.bodies, surface.container, index + state.ground)
+        own = grounded(touched, state.ground)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
         masses = np.append(state.masses, self.masses[name])
         coms = np.vstack([state.coms, trial.com])
+        loads = state.loads
+        if self.loads is not None:
+            placed = Resting(self.loads.shapes[name], trial.oriented.rotation, trial.position)
+            pile = Balanced(self.checker, contacts, masses, coms, state.ground)
+            borne = self.loads.with_item(loads, placed, surface.container, touched, pile)
+            if borne is None:
+                return Verdict(False, OVERLOAD)
+            loads = borne
         if self.alone is not None and not self._stands_alone(own, masses, coms):
             return Verdict(False, "unstable-margin")
         balance = self._balance(contacts, masses, coms, state.balance)
@@ -126,9 +120,11 @@ class StabilityConstraint(Constraint):
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
         if not self.prestress and not settles_with(self.checker, tighten(own), trial.com, index, self.rule):
             return Verdict(False, "unstable-new-item")
-        details = Details(lambda: self._details(contacts, masses, coms, balance, index))
-        pile = PileState((*state.bodies, body), masses, coms, contacts, balance, state.ground)
-        return Verdict(True, state=pile, details=details)
+        details = Details(
+            lambda: self._details(contacts, masses, coms, balance, index) | loads_details(loads)
+        )
+        after = PileState((*state.bodies, body), masses, coms, contacts, balance, state.ground, loads)
+        return Verdict(True, state=after, details=details)
 
     def _stands_alone(self, own: Contacts, masses: FloatArray, coms: FloatArray) -> bool:
         assert self.alone is not None
@@ -185,17 +181,3 @@ class StabilityConstraint(Constraint):
         if self.rule is not None:
             return check_margin(self.checker, contacts, masses, coms, self.rule, previous=previous or None)
         return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)
-
-
-def grounded(contacts: Contacts, ground: int) -> Contacts:
-    """Contacts with the first ``ground`` bodies as contacts with the container."""
-    if not ground:
-        return contacts
-    first, second = (np.maximum(b - ground, 0) for b in (contacts.first, contacts.second))
-    swap = second == 0
-    return replace(
-        contacts,
-        normals=np.where(swap[:, None], -contacts.normals, contacts.normals),
-        first=np.where(swap, second, first),
-        second=np.where(swap, first, second),
-    )

@@ -1,0 +1,254 @@
+"""What rests on each item of a pile, and whether it bears it.
+
+An item rests on another where that one can push it upwards, or, where nothing does, on all that it touches. Every
+item that rests on a limited one, straight or by way of others, counts with its whole mass: no pile that is let
+go puts more on it. Where this is too much, because items also rest on others, a linear programme over the contact
+forces of the force balance (paper Sec. III-A) tells the most that can be on it: the largest downward push among all
+forces that balance the pile. Forces that only press against each other can make that as large as one likes, so
+the lesser of the two bounds counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from packenv.geometry.distance_grids import SurfaceField
+from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.measured import Resting
+from packenv.planning.stability.checker import StabilityChecker
+from packenv.planning.stability.contact_finder import ContactFinder
+from packenv.planning.stability.contacts import Body
+from packenv.types import Contacts, Container, FloatArray, Item
+
+OVERLOAD = "overload"
+"""The word against a candidate with which an item would bear more than it may."""
+
+CARRIES = 0.05
+"""Least upward part of a contact's normal that carries: 3° off a wall. Steeper, friction alone would."""
+
+SLACK = 1e-6
+"""How much more than it may an item may bear, kg: rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """A pile as far as it matters for what rests on what.
+
+    Attributes:
+        items: in packing sequence, those that lay there before first.
+        rests_on: of each item, those that it rests on, from 1 as in :class:`Contacts`; None while no item is
+            limited, for then nobody looks.
+        borne: what rests on limited items at most, by number, kg.
+    """
+
+    items: tuple[Resting, ...] = ()
+    rests_on: tuple[frozenset[int], ...] | None = None
+    borne: Mapping[int, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """What the linear programme needs of a pile: all its contacts, some first bodies taken as the container.
+
+    Attributes:
+        checker: friction.
+        contacts: of the pile.
+        masses: (n,) kg.
+        coms: (n, 3) m.
+        ground: how many first bodies are none of the n.
+    """
+
+    checker: StabilityChecker
+    contacts: Contacts
+    masses: FloatArray
+    coms: FloatArray
+    ground: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LoadLimits:
+    """The rule that no item bears more than it may.
+
+    Attributes:
+        shapes: the items by name, as the geometry that is planned with.
+        fields: their surfaces.
+        find: how contacts are found.
+    """
+
+    shapes: Mapping[str, Item]
+    fields: Mapping[str, SurfaceField]
+    find: ContactFinder
+
+    def with_item(
+        self,
+        loads: Loads,
+        placed: Resting,
+        container: Container,
+        own: Contacts | None = None,
+        balanced: Balanced | None = None,
+    ) -> Loads | None:
+        """The pile with one more item; None where an item would then bear more than it may.
+
+        Args:
+            loads: the pile without it.
+            placed: the item.
+            container: the box.
+            own: contacts of the item with the pile, where they are known.
+            balanced: the pile with it, for the linear programme; None bounds loads by masses alone.
+        """
+        items = (*loads.items, placed)
+        if loads.rests_on is None and not np.isfinite(placed.item.limits.bears):
+            return (
+                Loads(items) if not _limited(loads.items) else self._with_all(items, container, own, balanced)
+            )
+        if loads.rests_on is None:
+            return self._with_all(items, container, own, balanced)
+        if own is None:
+            own = self._contacts(items, len(items), container)
+        return _checked(items, with_supports(loads.rests_on, own, len(items)), balanced)
+
+    def _with_all(
+        self,
+        items: tuple[Resting, ...],
+        container: Container,
+        own: Contacts | None,
+        balanced: Balanced | None,
+    ) -> Loads | None:
+        """The first time that a limited item is there: who rests on whom among all."""
+        known: tuple[frozenset[int], ...] = ()
+        for count in range(1, len(items) + 1):
+            last = own if count == len(items) else None
+            known = with_supports(known, last or self._contacts(items, count, container), count)
+        return _checked(items, known, balanced)
+
+    def _contacts(self, items: Sequence[Resting], count: int, container: Container) -> Contacts:
+        bodies = [Body(self.fields[p.item.name], p.rotation, p.position) for p in items[:count]]
+        return self.find(bodies[-1], bodies[:-1], container, count)
+
+
+def _limited(items: Sequence[Resting]) -> bool:
+    return any(np.isfinite(placed.item.limits.bears) for placed in items)
+
+
+def with_supports(known: tuple[frozenset[int], ...], own: Contacts, new: int) -> tuple[frozenset[int], ...]:
+    """Who rests on whom, with one more item.
+
+    Args:
+        known: without it.
+        own: its contacts.
+        new: its number.
+    """
+    rests_on = [*known, frozenset[int]()]
+    into_second = own.normals[:, 2]
+    rises = np.where(own.second == new, into_second, -into_second)
+    other = np.where(own.second == new, own.first, own.second)
+    carrying = other[rises > CARRIES]
+    beneath = carrying if len(carrying) else other
+    rests_on[new - 1] = frozenset(int(b) for b in np.unique(beneath) if b > 0)
+    for above in np.unique(other[-rises > CARRIES]).tolist():
+        if above > 0:
+            rests_on[above - 1] |= {new}
+    return tuple(rests_on)
+
+
+def _checked(
+    items: tuple[Resting, ...], rests_on: tuple[frozenset[int], ...], balanced: Balanced | None
+) -> Loads | None:
+    borne = loads_borne(items, rests_on, balanced)
+    over = any(kg > items[number - 1].item.limits.bears + SLACK for number, kg in borne.items())
+    return None if over else Loads(items, rests_on, borne)
+
+
+def loads_borne(
+    items: Sequence[Resting], rests_on: Sequence[frozenset[int]], balanced: Balanced | None
+) -> dict[int, float]:
+    """What rests on each limited item of a pile at most, by number, kg.
+
+    Args:
+        items: of the pile.
+        rests_on: of each, those that it rests on.
+        balanced: the pile for the linear programme, which is asked where masses alone are too much.
+    """
+    borne: dict[int, float] = {}
+    for number, placed in enumerate(items, start=1):
+        bears = placed.item.limits.bears
+        if not np.isfinite(bears):
+            continue
+        load = sum(items[k - 1].item.mass for k in resting_on(number, rests_on))
+        if load > bears + SLACK and bears > 0.0 and balanced is not None and number > balanced.ground:
+            load = min(load, largest_load(balanced, number - balanced.ground))
+        borne[number] = load
+    return borne
+
+
+def resting_on(number: int, rests_on: Sequence[frozenset[int]]) -> frozenset[int]:
+    """The items that rest on one, straight or by way of others.
+
+    Args:
+        number: the item, from 1.
+        rests_on: of each item, those that it rests on.
+    """
+    found: set[int] = set()
+    waiting = [number]
+    while waiting:
+        below = waiting.pop()
+        above = {k for k, beneath in enumerate(rests_on, start=1) if below in beneath} - found - {number}
+        found |= above
+        waiting += above
+    return frozenset(found)
+
+
+def largest_load(pile: Balanced, body: int) -> float:
+    """The most that forces which balance a pile push an item down by, kg; infinite where nothing bounds it.
+
+    Args:
+        pile: the pile.
+        body: the item, among those that are not ground.
+    """
+    from scipy.optimize import linprog  # a tenth of a second, and most piles need none
+
+    eq = pile.checker.build(pile.contacts, pile.masses, pile.coms, None)
+    contacts = eq.contacts
+    into_body = np.where(contacts.second == body, 1.0, -1.0) * contacts.normals[:, 2]
+    pressed = ((contacts.second == body) | (contacts.first == body)) & (into_body < -CARRIES)
+    down = np.where(contacts.second == body, -1.0, 1.0)[:, None] * eq.edges[:, :, 2] * eq.units[:, None]
+    push = np.where(pressed[:, None], down, 0.0).ravel()
+    unit = float(pile.masses[body - 1] * np.linalg.norm(pile.checker.gravity))
+    found = linprog(-push / unit, A_eq=eq.matrix, b_eq=eq.rhs, bounds=(0.0, None), method="highs")
+    return float(-found.fun) * float(pile.masses[body - 1]) if found.status == 0 else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class LoadConstraint(Constraint):
+    """The rule alone, where nobody asks whether the pile stands."""
+
+    limits: LoadLimits
+
+    @property
+    def name(self) -> str:
+        """The word for this constraint in figures and messages."""
+        return "loads"
+
+    def start(self, resting: Sequence[Resting] = ()) -> Loads:
+        """What lies there."""
+        return Loads(tuple(resting))
+
+    def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
+        """Whether every item bears what would rest on it."""
+        placed = Resting(self.limits.shapes[trial.oriented.item], trial.oriented.rotation, trial.position)
+        loads = self.limits.with_item(state, placed, surface.container)
+        if loads is None:
+            return Verdict(False, OVERLOAD)
+        return Verdict(True, state=loads, details=loads_details(loads))
+
+
+def loads_details(loads: Loads) -> dict[str, object]:
+    """What limited items bear, for the figures of a plan; empty where nothing is limited."""
+    if not loads.borne:
+        return {}
+    return {"loads": [{"step": step, "kg": round(kg, 6)} for step, kg in loads.borne.items()]}
