@@ -10,14 +10,19 @@ from pathlib import Path
 
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
+from packenv.errors import InputError
 from packenv.execution.planning_job import require_engine
 from packenv.io.containers import boxes_file, parse_container, read_boxes
 from packenv.io.files import check_outputs
+from packenv.io.lying import PartlyFilled
 from packenv.io.plans import plan_to_json
+from packenv.items.catalogue import Catalogue
+from packenv.items.plan_items import shelf_of
 from packenv.planning.assembly import ALONE
 from packenv.planning.options import AUTO, PRESETS, SINGLE_RULES, PlanOptions, heuristic_label, option_names
 from packenv.robot.files import cell_files
-from packenv.types import Plan
+from packenv.shipped import BUILTIN
+from packenv.types import Container, Plan
 from packenv.view.show import check_suffix, show
 
 
@@ -25,8 +30,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan an order; returns the exit code."""
     options = options_from(arguments)
     require_engine(options)
-    catalogue = api.load_catalogue(arguments.catalogue, unit=arguments.unit, density=arguments.density)
-    read = [arguments.order, arguments.boxes or boxes_file(), *catalogue.files, *cell_files(arguments.cell)]
+    lies = _partly_filled(arguments)
+    catalogue = _catalogue(arguments, lies)
+    tables = [path for path in (arguments.start, arguments.measured) if path is not None]
+    tables += [arguments.order, arguments.boxes or boxes_file()]
+    read = [*tables, *catalogue.files, *cell_files(arguments.cell)]
     order = api.load_order(arguments.order, catalogue)
     most = min(arguments.boxes_max, len(order.names))
     numbers = range(1, most + 1) if most > 1 else ()
@@ -36,12 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     check_suffix(arguments.html, "--html", (".html", ".htm"))
     check_suffix(arguments.png, "--png", (".png",))
     boxes = read_boxes(arguments.boxes)
-    auto = arguments.container.lower() == "auto"
-    container = boxes if auto else parse_container(arguments.container, boxes, arguments.unit)
+    word = arguments.container or ("auto" if lies is None else None)
+    container: Container | Sequence[Container] | None = boxes
+    if word is None or word.lower() != "auto":
+        container = None if word is None else parse_container(word, boxes, arguments.unit)
     watcher = Terminal()
     rest = {"unit": arguments.unit, "watcher": watcher}
-    if most == 1:
-        plans: tuple[Plan, ...] = (api.plan(order, container, catalogue, options, **rest),)
+    if container is None or most == 1:
+        plans: tuple[Plan, ...] = (api.plan(order, container, catalogue, options, start=lies, **rest),)
     else:
         plans = api.plan_boxes(order, container, catalogue, options, boxes_max=most, **rest)
     written = [_outputs(arguments, k if len(plans) > 1 else None) for k in range(1, len(plans) + 1)]
@@ -62,6 +72,30 @@ def run(arguments: argparse.Namespace) -> int:
         if len(plans) > 1:
             _report_boxes(plans)
     return 0 if all(plan.complete and _survives(plan) for plan in plans) else 1
+
+
+def _partly_filled(arguments: argparse.Namespace) -> PartlyFilled | None:
+    """The box of ``--start``.
+
+    Raises:
+        InputError: a file is wrong, or options contradict each other.
+    """
+    if arguments.start is None:
+        if arguments.measured is not None:
+            raise InputError("--measured: poses of what? give the plan that placed the items by --start")
+        return None
+    if arguments.boxes_max > 1:
+        raise InputError(
+            "--boxes-max: a partly filled box (--start) takes what it takes, give one of the two"
+        )
+    return api.load_partly_filled(arguments.start, arguments.measured)
+
+
+def _catalogue(arguments: argparse.Namespace, lies: PartlyFilled | None) -> Catalogue:
+    """The catalogue that the user names, else that of the plan to start from, else the built-in one."""
+    if arguments.catalogue is None and lies is not None and lies.plan is not None:
+        return shelf_of(lies.plan, unit=arguments.unit).catalogue
+    return api.load_catalogue(arguments.catalogue or BUILTIN, unit=arguments.unit, density=arguments.density)
 
 
 def _outputs(arguments: argparse.Namespace, box: int | None = None) -> dict[str, Path]:

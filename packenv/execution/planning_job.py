@@ -13,12 +13,14 @@ from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
 from packenv.planning.portfolio import Packer, fullness
+from packenv.planning.search.contact_height import ExactPile
+from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
-    from packenv.execution.rehearsal import Rehearsed
+    from packenv.execution.rehearsal import Rehearsed, Start
     from packenv.sim.world import WorldConfig
 
 
@@ -146,7 +148,7 @@ class PlanningJob:
                 yield replace(planner, strategy=replace(strategy, first=tiers, fallback=None))
 
     def rehearse(
-        self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()
+        self, box: Container, sequence: Sequence[str], first: Packing | None, lies: Start | None = None
     ) -> Rehearsed:
         """The best of the plans that were carried out in simulated worlds."""
         from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
@@ -154,25 +156,48 @@ class PlanningJob:
         from packenv.sim.session import ExecutionConfig
 
         physics = self.shelf.physics
+        resting = () if lies is None else lies[1]
         lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
         setup = self.options.setup
         rehearsal = Rehearsal(
             setup.with_container(box), physics, self.options.rehearse, ExecutionConfig.of(setup), lying
         )
-        start = (measured_map(box, self.shelf.grid.cell_size, resting), resting) if resting else None
         prepared = self.shelf.prepared
+        start = lies if resting else None
         with self.planner(box) as planner:
             return pack_rehearsed(
-                planner, sequence, prepared, rehearsal, first=first, start=start, spares=self.spares(box)
+                planner,
+                sequence,
+                prepared,
+                rehearsal,
+                first=first,
+                start=start,
+                spares=self.spares(box),
             )
 
     def pack_onto(
-        self, box: Container, sequence: Sequence[str], resting: Sequence[Resting]
+        self,
+        box: Container,
+        sequence: Sequence[str],
+        resting: Sequence[Resting],
+        surface: ContainerMap | None = None,
     ) -> tuple[Packing, Mapping[str, float]]:
-        """Pack items onto what lies in a container; the packing, and further metrics."""
+        """Pack items onto what lies in a container.
+
+        Args:
+            box: the container.
+            sequence: item names.
+            resting: what lies there.
+            surface: its heightmap; made of the meshes where None.
+
+        Returns:
+            the packing, and further metrics.
+        """
+        exact = ExactPile(self.shelf.shapes) if self.options.heights == "mesh" else None
+        if surface is None:
+            surface = measured_map(box, self.shelf.grid.cell_size, resting, exact=exact)
         if self.options.rehearse:
-            found = self.rehearse(box, sequence, None, resting)
+            found = self.rehearse(box, sequence, None, (surface, resting))
             return found.chosen, found.metrics
-        surface = measured_map(box, self.shelf.grid.cell_size, resting)
         with self.packer(box) as packing:
             return packing.pack(sequence, self.shelf.prepared, box, packing.pile(surface, resting)), {}

@@ -12,17 +12,18 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 
 from packenv.execution.planning_job import PlanningJob
+from packenv.planning.admission import KEPT_APART, OVERWEIGHT
 from packenv.planning.packing import PERHAPS, Packing
-from packenv.types import Container, Leftover, OrderLine
+from packenv.types import Container, Leftover, OrderLine, limits_in
 from packenv.watcher import SILENT
 
 ROUNDS = 2
 """Most further distributions, each with the last box's items first, that are tried for one box fewer."""
-SMALLER = 8
-"""Most sets of smaller boxes that are tried."""
+SMALLER = 4
+"""Most sets of kinds with less volume that are tried."""
 SPARE = 0.05
 """By how much a box that is worth a try may have to be fuller than the fullest so far, as a share of its volume."""
-_GOES_ON = (*PERHAPS, "box-overweight")
+_GOES_ON = (*PERHAPS, OVERWEIGHT, KEPT_APART)
 """Reasons of leftovers that speak of what else is in the box: an empty one is likely to take the item."""
 
 
@@ -45,18 +46,19 @@ def pack_boxes(
     return found if len(found) > 1 or (found and found[0].complete) else [job.pack_smallest(kinds, sequence)]
 
 
-def shared_out(lines: Iterable[OrderLine], packings: Sequence[Packing]) -> list[tuple[OrderLine, ...]]:
+def shared_out(lines: Sequence[OrderLine], packings: Sequence[Packing]) -> list[tuple[OrderLine, ...]]:
     """The lines of an order that ask for what is in each box or left over with it, in the order's sequence."""
     wanted = [
         Counter([*(p.item for p in packing.placements), *(left.item for left in packing.leftovers)])
         for packing in packings
     ]
     shares: list[list[OrderLine]] = [[] for _ in packings]
+    limits = limits_in(lines)  # those of a line hold for all pieces of its item
     for line in lines:
         rest = line.qty
         for want, share in zip(wanted, shares, strict=True):
             if taken := min(rest, want[line.item]):
-                share.append(OrderLine(line.item, taken))
+                share.append(OrderLine(line.item, taken, limits.get(line.item, line.limits)))
                 want[line.item] -= taken
                 rest -= taken
     return [tuple(share) for share in shares]
@@ -141,12 +143,14 @@ class _Search:
         boxes = len(found) if lost else len(found) - 1
         names = self.possible(sequence)
         largest = max(kind.volume for kind in self.kinds)
-        light = [kind.max_kg for kind in self.kinds if kind.max_kg is not None]
-        if len(light) == len(self.kinds) and sum(map(self.job.shelf.masses.__getitem__, names)) > boxes * max(
-            light
-        ):
+        limits = [kind.max_kg for kind in self.kinds if kind.max_kg is not None]
+        mass = sum(self.job.shelf.masses[name] for name in names)
+        if len(limits) == len(self.kinds) and mass > boxes * max(limits):
             return False
-        return boxes > 1 and self.volume(names) <= boxes * largest * self.likely(found)
+        groups = {self.job.shelf.items[name].limits.keep_apart for name in names} - {None}
+        return (
+            boxes > 1 and len(groups) <= boxes and self.volume(names) <= boxes * largest * self.likely(found)
+        )
 
     def likely(self, found: Iterable[Packing]) -> float:
         """How full a box may become: as the fullest, or a little more."""
@@ -168,7 +172,7 @@ class _Search:
         volume, inside, limit = _volume(found), self.volume(names), self.likely(found)
         sets = sorted(combinations_with_replacement(self.kinds[::-1], len(found)), key=_total)
         smaller = [kinds for kinds in sets if _total(kinds) < volume and _total(kinds) * limit >= inside]
-        for kinds in smaller[:SMALLER]:
+        for kinds in smaller[-SMALLER:]:  # the largest of them are the likeliest to do
             again = self.in_these(kinds, names, limit)
             if again:
                 return again
