@@ -14,7 +14,7 @@ Command line, experiments, benchmarks and a user's scripts all go this way::
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from packenv.execution.planning_job import PlanningJob
 from packenv.execution.several_boxes import pack_boxes, shared_out
 from packenv.execution.trajectories import trajectories
 from packenv.io.containers import parse_container, read_boxes
+from packenv.io.files import check_outputs
 from packenv.io.lying import PartlyFilled, read_partly_filled as load_partly_filled
 from packenv.io.orders import read_order
 from packenv.io.plans import write_plan
@@ -52,7 +53,7 @@ from packenv.planning.search.measured import Resting
 from packenv.planning.search.replay import replay_plan
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose, limits_in
 from packenv.verification.report import Verification, verify
-from packenv.view.show import show
+from packenv.view.show import check_suffix, show
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
@@ -139,11 +140,17 @@ def load_plan(path: str | Path, catalogue: Items | None = None, *, unit: str | N
 def save_plan(plan: Plan, path: str | Path) -> None:
     """Write a plan as JSON (docs/plan-format.md).
 
+    Args:
+        plan: the plan.
+        path: the file, whose name ends in ``.json`` or has no ending.
+
     Raises:
-        InputError: the file cannot be written.
+        InputError: another ending, the file cannot be written, or it is the order's.
     """
     if not isinstance(plan, Plan):
         raise InputError(f"save_plan: {plan!r:.60} is no plan, give the plan, then the path")
+    check_suffix(Path(path), "save_plan", (".json", ""))
+    check_outputs({"save_plan": Path(path)}, filter(None, [plan.order_source]))
     write_plan(Path(path), plan)
 
 
@@ -163,14 +170,14 @@ def plan(
 
     Args:
         order: the items.
-        container: the box; or a size in metres such as ``0.32x0.32x0.30``, or the id of a box; or several
-            boxes, or ``auto`` for the built-in ones: the smallest that takes all items is taken, else the
-            largest. None takes the box of ``start``.
+        container: the box; or a size, as ``0.32x0.32x0.30`` in metres (in ``unit`` where it can be no metres) or
+            ``320x320x300mm``; or the id of a box; or several boxes, or ``auto`` for the built-in ones: the smallest
+            that takes all items is taken, else the largest. None takes the box of ``start``.
         catalogue: where the items are from; None takes those of the plan to start from, else the built-in ones.
         options: how to plan, as options, by name, or the word of a preset; the default ones where None.
         start: a box that is not empty: a plan, all of whose items lie where it says, or what
             :func:`load_partly_filled` reads. They are the plan's first items, ``lying`` says how many.
-        unit: of the meshes, where ``catalogue`` is a folder or meshes in memory.
+        unit: of the meshes, where ``catalogue`` is a folder or meshes in memory, and of such a container's size.
         margins: tell the margin of every placed item, a few milliseconds each.
         watcher: is told of progress.
         words: options by name, in place of those of ``options``: ``heuristic="mta"``.
@@ -183,7 +190,7 @@ def plan(
     """
     if start is not None:
         box = PartlyFilled.of_plan(start) if isinstance(start, Plan) else start
-        _check_box(container, box)
+        _check_box(container, box, unit)
         return _plan_onto_start(
             order, box, catalogue, _options(options).changed(words), unit, watcher, margins
         )
@@ -242,7 +249,7 @@ def plan_boxes(
     if isinstance(boxes_max, bool) or not isinstance(boxes_max, int) or boxes_max < 1:
         raise InputError(f"boxes_max is {boxes_max!r:.60}, give a whole number of at least 1")
     chosen = _options(options).changed(words)
-    boxes = _boxes(container)
+    boxes = _boxes(container, unit)
     shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
     if order.limits:
@@ -251,9 +258,11 @@ def plan_boxes(
     job.load(order.names)
     packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)
     if len(packings) == 1:
-        return (_boxed(job, packings[0], order.lines, unit),)
-    shares = zip(packings, shared_out(order.lines, packings), strict=True)
-    return tuple(renumbered(_boxed(job, packing, lines, unit)) for packing, lines in shares)
+        plans: Iterable[Plan] = [_boxed(job, packings[0], order.lines, unit)]
+    else:
+        shares = zip(packings, shared_out(order.lines, packings), strict=True)
+        plans = (renumbered(_boxed(job, packing, lines, unit)) for packing, lines in shares)
+    return tuple(replace(made, order_source=order.source) for made in plans)
 
 
 def rehearse(
@@ -345,7 +354,8 @@ def _plan_onto_start(
     if limits := limits_in(lines):
         shelf = shelf_for(shelf.catalogue.with_limits(limits), options)
     job = PlanningJob(shelf, options, margins=margins, watcher=watcher)
-    return _plan_onto(job, lies, order.names, lines, unit)
+    made = _plan_onto(job, lies, order.names, lines, unit)
+    return replace(made, order_source=order.source)
 
 
 def _plan_onto(
@@ -391,7 +401,9 @@ def _as_planned(lies: PartlyFilled, shelf: ItemShelf, options: PlanOptions) -> C
         return None
 
 
-def _check_box(container: Container | str | Sequence[Container] | None, lies: PartlyFilled) -> None:
+def _check_box(
+    container: Container | str | Sequence[Container] | None, lies: PartlyFilled, unit: str | None
+) -> None:
     """Refuse a box that is not the one in which something lies.
 
     Raises:
@@ -399,7 +411,7 @@ def _check_box(container: Container | str | Sequence[Container] | None, lies: Pa
     """
     if container is None:
         return
-    (given, *others) = _boxes(container)
+    (given, *others) = _boxes(container, unit)
     if others or given.size != lies.container.size:
         raise InputError(
             f"the items lie in {lies.container.full_label}, which is not the container that is given: leave that out"
@@ -460,12 +472,12 @@ def _options(given: PlanOptions | Mapping[str, Any] | str | None) -> PlanOptions
     return PRESETS[given]()
 
 
-def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Container]:
+def _boxes(container: Container | str | Sequence[Container], unit: str | None) -> Sequence[Container]:
     """The containers to try, the smallest first."""
     if isinstance(container, Container):
         return [container]
     if isinstance(container, str) and container.lower() != "auto":
-        return [parse_container(container, read_boxes())]
+        return [parse_container(container, read_boxes(), unit)]
     boxes = read_boxes() if isinstance(container, str) else container
     if not isinstance(boxes, Sequence) or not all(isinstance(box, Container) for box in boxes):
         raise InputError(

@@ -91,7 +91,5 @@ def _items(reader: Reader, rows: Any) -> tuple[Lying, ...]:
     for k, row in enumerate(rows):
         where = f"items[{k}]"
         rotation = reader.rotation(row, where)
-        found.append(
-            (reader.text(row, "item", where), Pose(rotation, reader.vector(row, "position", where, 3)))
-        )
+        found.append((reader.name(row, where), Pose(rotation, reader.vector(row, "position", where, 3))))
     return tuple(found)

@@ -18,7 +18,7 @@ from packenv.io.files import write_whole
 from packenv.json_text import read_json
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.shipped import BUILTIN, MEMORY
-from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
+from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath, normal_name
 from packenv.version import __version__
 
 SCHEMA_VERSION = 1
@@ -180,6 +180,10 @@ class Reader:
             raise self.fail(f"{where}.{key}", value, "text")
         return value
 
+    def name(self, row: object, where: str) -> str:
+        """An item's name, as catalogues write it."""
+        return normal_name(self.text(row, "item", where))
+
     def number(self, table: object, key: str, where: str) -> float:
         """A finite number."""
         value = self.get(table, key, where)
@@ -242,7 +246,7 @@ class Reader:
             raise self.fail(f"{where}.step", self.get(row, "step", where), str(index + 1))
         details = self.mapping(row, "details", where)
         return Placement(
-            item=self.text(row, "item", where),
+            item=self.name(row, where),
             instance=self.count(row, "instance", where, 1),
             rotation=self.rotation(row, where),
             position=self.vector(row, "position", where, 3),
@@ -320,7 +324,7 @@ class Reader:
             placements=tuple(self.placement(row, k) for k, row in enumerate(self.rows(document, "steps"))),
             leftovers=tuple(
                 Leftover(
-                    self.text(row, "item", f"leftovers[{k}]"),
+                    self.name(row, f"leftovers[{k}]"),
                     self.count(row, "instance", f"leftovers[{k}]", 1),
                     self.text(row, "reason", f"leftovers[{k}]"),
                     self.text(row, "detail", f"leftovers[{k}]"),
@@ -337,14 +341,15 @@ class Reader:
             density=None if document.get("density") is None else self.number(document, "density", "the plan"),
             order=tuple(
                 OrderLine(
-                    self.text(row, "item", f"order[{k}]"),
+                    self.name(row, f"order[{k}]"),
                     self.count(row, "qty", f"order[{k}]", 1),
                     self.limits(row, f"order[{k}]"),
                 )
                 for k, row in enumerate(self.rows(document, "order"))
             ),
             meshes={
-                key: self.mesh(row, f"meshes.{key}") for key, row in self.mapping(document, "meshes").items()
+                normal_name(key): self.mesh(row, f"meshes.{key}")
+                for key, row in self.mapping(document, "meshes").items()
             },
         )
         if document.get("units") != _UNITS:
