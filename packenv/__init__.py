@@ -17,8 +17,10 @@ if _TYPE_CHECKING:
     from packenv.api import (
         load_catalogue as load_catalogue,
         load_order as load_order,
+        load_partly_filled as load_partly_filled,
         load_plan as load_plan,
         plan as plan,
+        plan_boxes as plan_boxes,
         plan_rest as plan_rest,
         rehearse as rehearse,
         save_plan as save_plan,
@@ -30,6 +32,7 @@ if _TYPE_CHECKING:
     from packenv.errors import InputError as InputError, RobotPackError as RobotPackError
     from packenv.execution.execute import ExecutedPlan as ExecutedPlan, execute as execute
     from packenv.execution.trajectories import trajectories as trajectories
+    from packenv.io.lying import PartlyFilled as PartlyFilled
     from packenv.io.trajectories import Trajectories as Trajectories
     from packenv.items.catalogue import Catalogue as Catalogue
     from packenv.items.shelf import ItemShelf as ItemShelf
@@ -81,6 +84,7 @@ _PUBLIC = {
     "Outcome": "packenv.env.reward",
     "PackConfig": "packenv.env.config",
     "PackEnv": "packenv.env.pack_env",
+    "PartlyFilled": "packenv.io.lying",
     "Placement": "packenv.types",
     "Plan": "packenv.types",
     "PlanOptions": "packenv.planning.options",
@@ -98,8 +102,10 @@ _PUBLIC = {
     "load_catalogue": "packenv.api",
     "load_cell": "packenv.robot.files",
     "load_order": "packenv.api",
+    "load_partly_filled": "packenv.api",
     "load_plan": "packenv.api",
     "plan": "packenv.api",
+    "plan_boxes": "packenv.api",
     "plan_rest": "packenv.api",
     "rehearse": "packenv.api",
     "save_plan": "packenv.api",

@@ -14,7 +14,7 @@ Command line, experiments, benchmarks and a user's scripts all go this way::
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,9 +23,11 @@ import numpy as np
 
 from packenv.errors import InputError, OrderError
 from packenv.execution.planning_job import PlanningJob
+from packenv.execution.several_boxes import pack_boxes, shared_out
 from packenv.execution.trajectories import trajectories
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.files import check_outputs
+from packenv.io.lying import PartlyFilled, read_partly_filled as load_partly_filled
 from packenv.io.orders import read_order
 from packenv.io.plans import write_plan
 from packenv.io.trajectories import Trajectories
@@ -43,10 +45,13 @@ from packenv.items.plan_items import (
 )
 from packenv.items.plan_maker import make_plan
 from packenv.items.shelf import ItemShelf
+from packenv.limits import NO_LIMITS
 from packenv.planning.options import PRESETS, PlanOptions
 from packenv.planning.packing import Packing
+from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
-from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose
+from packenv.planning.search.replay import replay_plan
+from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose, limits_in
 from packenv.verification.report import Verification, verify
 from packenv.view.show import check_suffix, show
 from packenv.watcher import SILENT, Watcher
@@ -55,17 +60,19 @@ if TYPE_CHECKING:
     import trimesh
 
     from packenv.execution.execute import ExecutedPlan, execute
-    from packenv.execution.rehearsal import Rehearsed
 
 __all__ = [
     "ExecutedPlan",
+    "PartlyFilled",
     "Trajectories",
     "Verification",
     "execute",
     "load_catalogue",
     "load_order",
+    "load_partly_filled",
     "load_plan",
     "plan",
+    "plan_boxes",
     "plan_rest",
     "rehearse",
     "save_plan",
@@ -149,10 +156,11 @@ def save_plan(plan: Plan, path: str | Path) -> None:
 
 def plan(
     order: Order,
-    container: Container | str | Sequence[Container],
-    catalogue: Items = "builtin",
+    container: Container | str | Sequence[Container] | None = None,
+    catalogue: Items | None = None,
     options: PlanOptions | Mapping[str, Any] | str | None = None,
     *,
+    start: Plan | PartlyFilled | None = None,
     unit: str | None = None,
     margins: bool = True,
     watcher: Watcher = SILENT,
@@ -164,9 +172,11 @@ def plan(
         order: the items.
         container: the box; or a size, as ``0.32x0.32x0.30`` in metres (in ``unit`` where it can be no metres) or
             ``320x320x300mm``; or the id of a box; or several boxes, or ``auto`` for the built-in ones: the smallest
-            that takes all items is taken, else the largest.
-        catalogue: where the items are from.
+            that takes all items is taken, else the largest. None takes the box of ``start``.
+        catalogue: where the items are from; None takes those of the plan to start from, else the built-in ones.
         options: how to plan, as options, by name, or the word of a preset; the default ones where None.
+        start: a box that is not empty: a plan, all of whose items lie where it says, or what
+            :func:`load_partly_filled` reads. They are the plan's first items, ``lying`` says how many.
         unit: of the meshes, where ``catalogue`` is a folder or meshes in memory, and of such a container's size.
         margins: tell the margin of every placed item, a few milliseconds each.
         watcher: is told of progress.
@@ -178,6 +188,66 @@ def plan(
     Raises:
         InputError: an option, the order, the container or a mesh is wrong.
     """
+    if start is not None:
+        box = PartlyFilled.of_plan(start) if isinstance(start, Plan) else start
+        _check_box(container, box, unit)
+        return _plan_onto_start(
+            order, box, catalogue, _options(options).changed(words), unit, watcher, margins
+        )
+    if container is None:
+        raise InputError(
+            "container is None, give packenv.Container(0.32, 0.32, 0.30), or a plan to start from"
+        )
+    (made,) = plan_boxes(
+        order,
+        container,
+        "builtin" if catalogue is None else catalogue,
+        options,
+        boxes_max=1,
+        unit=unit,
+        margins=margins,
+        watcher=watcher,
+        **words,
+    )
+    return made
+
+
+def plan_boxes(
+    order: Order,
+    container: Container | str | Sequence[Container],
+    catalogue: Items = "builtin",
+    options: PlanOptions | Mapping[str, Any] | str | None = None,
+    *,
+    boxes_max: int,
+    unit: str | None = None,
+    margins: bool = True,
+    watcher: Watcher = SILENT,
+    **words: Any,
+) -> tuple[Plan, ...]:
+    """Plan an order into several boxes: what does not fit into one goes on into the next.
+
+    Of what the search finds it takes fewest boxes, then least volume of all boxes together.
+
+    Args:
+        order: as for :func:`plan`.
+        container: likewise; each box may be used as often as needed.
+        catalogue: likewise.
+        options: likewise.
+        boxes_max: how many boxes may be used, at least 1.
+        unit: likewise.
+        margins: likewise.
+        watcher: likewise.
+        words: likewise.
+
+    Returns:
+        A plan for each box, whose ``order`` is what is in it; the last one's has what no box takes, too, and names
+        it among its ``leftovers``. With one box it is what :func:`plan` returns.
+
+    Raises:
+        InputError: an option, the number, the order, the container or a mesh is wrong.
+    """
+    if isinstance(boxes_max, bool) or not isinstance(boxes_max, int) or boxes_max < 1:
+        raise InputError(f"boxes_max is {boxes_max!r:.60}, give a whole number of at least 1")
     chosen = _options(options).changed(words)
     boxes = _boxes(container, unit)
     shelf = shelf_for(catalogue, chosen, unit)
@@ -186,14 +256,13 @@ def plan(
         shelf = shelf_for(catalogue_of(catalogue, unit).with_limits(order.limits), chosen)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
-    sequence = job.sequence(order.names)
-    packing = job.pack_smallest(boxes, sequence)
-    if chosen.rehearse and packing.placements:
-        rehearsed = job.rehearse(packing.container, sequence, packing)
-        made = _rehearsed_plan(rehearsed, order.lines, shelf, chosen, unit)
+    packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)
+    if len(packings) == 1:
+        plans: Iterable[Plan] = [_boxed(job, packings[0], order.lines, unit)]
     else:
-        made = make_plan(packing, order.lines, shelf, chosen, unit=unit)
-    return replace(made, order_source=order.source)
+        shares = zip(packings, shared_out(order.lines, packings), strict=True)
+        plans = (renumbered(_boxed(job, packing, lines, unit)) for packing, lines in shares)
+    return tuple(replace(made, order_source=order.source) for made in plans)
 
 
 def rehearse(
@@ -223,8 +292,7 @@ def rehearse(
     names = [line.item for line in plan.order for _ in range(line.qty)]
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(names)
-    rehearsed = job.rehearse(plan.container, job.sequence(names), Packing.of_plan(plan))
-    return _rehearsed_plan(rehearsed, plan.order, shelf, chosen, plan.unit)
+    return _rehearsed(job, Packing.of_plan(plan), plan.order, plan.unit)
 
 
 def plan_rest(
@@ -254,42 +322,113 @@ def plan_rest(
     require_plan(plan)
     if len(measured) > len(plan.placements):
         raise InputError(f"{len(measured)} measured poses, but the plan places {len(plan.placements)} items")
-    measured = [_pose(k, pose) for k, pose in enumerate(measured, start=1)]
     chosen = options_again(plan, options)
     shelf = shelf_of(plan, catalogue, options=chosen)
-    done = plan.placements[: len(measured)]
-    names = [p.item for p in plan.placements[len(measured) :]] + [left.item for left in plan.leftovers]
+    done = [p.item for p in plan.placements[: len(measured)]]
+    lies = PartlyFilled.of_plan(plan, list(zip(done, measured, strict=True)))
+    names = [p.item for p in plan.placements[len(done) :]] + [left.item for left in plan.leftovers]
     job = PlanningJob(shelf, chosen, watcher=watcher)
-    job.load([p.item for p in done] + names)
-    resting = [Resting(shelf.shapes[p.item], *pose) for p, pose in zip(done, measured, strict=True)]
-    packing, metrics = job.pack_onto(plan.container, job.sequence(names), resting)
-    moved = tuple(_moved(placement, rest) for placement, rest in zip(done, resting, strict=True))
-    volume = sum(shelf.items[p.item].volume for p in (*moved, *packing.placements))
-    whole = replace(
-        packing,
-        placements=(*moved, *packing.placements),
-        utilization=volume / plan.container.volume,
+    return _plan_onto(job, lies, names, plan.order, plan.unit)
+
+
+def _plan_onto_start(
+    order: Order,
+    lies: PartlyFilled,
+    catalogue: Items | None,
+    options: PlanOptions,
+    unit: str | None,
+    watcher: Watcher,
+    margins: bool,
+) -> Plan:
+    """Plan an order into a box that is not empty."""
+    done = [name for name, _ in lies.items]
+    if lies.plan is None:
+        shelf = shelf_for("builtin" if catalogue is None else catalogue, options, unit)
+    else:
+        shelf = shelf_of(lies.plan, catalogue, unit=unit, options=options)
+        unit = unit or lies.plan.unit
+    shelf.check_known(done)
+    _check_names(order, shelf)
+    known = {} if lies.plan is None else limits_in(lies.plan.order)
+    lines = (*(OrderLine(name, 1, known.get(name, NO_LIMITS)) for name in done), *order.lines)
+    if limits := limits_in(lines):
+        shelf = shelf_for(shelf.catalogue.with_limits(limits), options)
+    job = PlanningJob(shelf, options, margins=margins, watcher=watcher)
+    made = _plan_onto(job, lies, order.names, lines, unit)
+    return replace(made, order_source=order.source)
+
+
+def _plan_onto(
+    job: PlanningJob, lies: PartlyFilled, names: Sequence[str], lines: tuple[OrderLine, ...], unit: str | None
+) -> Plan:
+    """Plan items onto what lies in a box.
+
+    Args:
+        job: how.
+        lies: the box.
+        names: of the items to be planned.
+        lines: the order's, of what lies there and of the others.
+        unit: that the user gave for the meshes.
+    """
+    shelf, count, source = job.shelf, len(lies.items), lies.plan
+    job.load([name for name, _ in lies.items] + list(names))
+    poses = [_pose(k, pose) for k, (_, pose) in enumerate(lies.items, start=1)]
+    resting = [Resting(shelf.shapes[name], *pose) for (name, _), pose in zip(lies.items, poses, strict=True)]
+    placed = [None] * count if source is None else list(source.placements[:count])
+    found, metrics = job.pack_onto(
+        lies.container, job.sequence(names), resting, _as_planned(lies, shelf, job.options)
     )
-    made = make_plan(
-        whole,
-        plan.order,
-        shelf,
-        chosen,
-        unit=plan.unit,
-        metrics=metrics,
-        lying=len(done),
-    )
+    there = tuple(_lying(*pair) for pair in zip(placed, resting, strict=True))
+    placements = (*there, *found.placements)
+    volume = sum(shelf.items[p.item].volume for p in placements)
+    whole = replace(found, placements=placements, utilization=volume / lies.container.volume)
+    made = make_plan(whole, lines, shelf, job.options, unit=unit, metrics=metrics, lying=count)
     return renumbered(made)
 
 
-def _rehearsed_plan(
-    rehearsed: Rehearsed,
-    lines: tuple[OrderLine, ...],
-    shelf: ItemShelf,
-    options: PlanOptions,
-    unit: str | None,
-) -> Plan:
-    return make_plan(rehearsed.chosen, lines, shelf, options, unit=unit, metrics=rehearsed.metrics)
+def _as_planned(lies: PartlyFilled, shelf: ItemShelf, options: PlanOptions) -> ContainerMap | None:
+    """The map that the planner had of a box in which all lies as it was planned; None where it does not."""
+    if lies.plan is None or not lies.items:
+        return None
+    planned = lies.plan.placements[: len(lies.items)]
+    for placement, (_, pose) in zip(planned, lies.items, strict=True):
+        if not all(map(np.array_equal, placement.pose, pose)):
+            return None
+    part = replace(lies.plan, placements=planned, lying=min(lies.plan.lying, len(planned)))
+    try:
+        return replay_plan(part, shelf.shapes, shelf.grid.cell_size, exact=options.heights == "mesh")[-1]
+    except ValueError:
+        return None
+
+
+def _check_box(
+    container: Container | str | Sequence[Container] | None, lies: PartlyFilled, unit: str | None
+) -> None:
+    """Refuse a box that is not the one in which something lies.
+
+    Raises:
+        InputError: so it is.
+    """
+    if container is None:
+        return
+    (given, *others) = _boxes(container, unit)
+    if others or given.size != lies.container.size:
+        raise InputError(
+            f"the items lie in {lies.container.full_label}, which is not the container that is given: leave that out"
+        )
+
+
+def _boxed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], unit: str | None) -> Plan:
+    """The plan of one box, rehearsed where that is asked."""
+    if job.options.rehearse and packing.placements:
+        return _rehearsed(job, packing, lines, unit)
+    return make_plan(packing, lines, job.shelf, job.options, unit=unit)
+
+
+def _rehearsed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], unit: str | None) -> Plan:
+    names = job.sequence([line.item for line in lines for _ in range(line.qty)])
+    found = job.rehearse(packing.container, names, packing)
+    return make_plan(found.chosen, lines, job.shelf, job.options, unit=unit, metrics=found.metrics)
 
 
 def _pose(step: int, given: Pose) -> Pose:
@@ -310,17 +449,15 @@ def _pose(step: int, given: Pose) -> Pose:
     return Pose(rotation, position)
 
 
-def _moved(placement: Placement, rest: Resting) -> Placement:
-    """A placement at the pose that was measured."""
+def _lying(placement: Placement | None, rest: Resting) -> Placement:
+    """What lies in the box, of which a placement tells more where a plan placed it."""
     placed = Pose(rest.rotation, rest.position).apply(rest.item.vertices)
     low = placed.min(axis=0)
+    size = placed.max(axis=0) - low
+    if placement is None:
+        return Placement(rest.item.name, 1, rest.rotation, rest.position, low, size, 0, 0.0, 0.0, 0)
     return replace(
-        placement,
-        rotation=rest.rotation,
-        position=rest.position,
-        corner=low,
-        extents=placed.max(axis=0) - low,
-        path=None,
+        placement, rotation=rest.rotation, position=rest.position, corner=low, extents=size, path=None
     )
 
 

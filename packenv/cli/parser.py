@@ -85,6 +85,14 @@ def _count(text: str) -> int:
     return value
 
 
+def _at_least_one(text: str) -> int:
+    """A whole number of at least 1."""
+    value = _count(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+    return value
+
+
 def number(text: str) -> float | str:
     """A number, or the word ``none``."""
     return "none" if text.lower() == "none" else float(text)
@@ -162,13 +170,12 @@ def own_constraint_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _catalogue_options(parser: argparse.ArgumentParser, default: str | None) -> None:
+def _catalogue_options(parser: argparse.ArgumentParser, without: str | None) -> None:
     parser.add_argument(
         "--catalogue",
         metavar="DIR",
-        default=default,
-        help="folder of meshes, with objects.csv or bare (default: %(default)s)"
-        if default
+        help=f"folder of meshes, with objects.csv or bare (default: {without})"
+        if without
         else "read the meshes from this folder, not from the one that the plan names",
     )
     parser.add_argument(
@@ -186,7 +193,7 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     )
     pack.set_defaults(module="pack")
     pack.add_argument("order", metavar="ORDER", type=Path, help="order file: CSV (item,qty) or JSON")
-    _catalogue_options(pack, "builtin")
+    _catalogue_options(pack, "the plan's of --start, else builtin")
     pack.add_argument(
         "--density",
         type=float,
@@ -195,14 +202,34 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     )
     pack.add_argument(
         "--container",
-        default="auto",
         metavar="SIZE|ID|auto",
         help="inner size in metres (0.32x0.32x0.30) or with a unit (320x320x300mm), a box id, or "
         "auto: the smallest box that takes all "
-        "(default: %(default)s)",
+        "(default: the box of --start, else auto)",
+    )
+    pack.add_argument(
+        "--start",
+        type=Path,
+        metavar="PLAN",
+        help="pack into a box that is not empty: that of this plan, with all its items in it, or of a JSON file of "
+        "container and items where they were measured (docs/plan-format.md)",
+    )
+    pack.add_argument(
+        "--measured",
+        type=Path,
+        metavar="POSES",
+        help="where the first items of --start really lie: a JSON list of item, position (m) and quat_xyzw",
     )
     pack.add_argument(
         "--boxes", type=Path, metavar="CSV", help="the boxes to choose from (default: assets/boxes.csv)"
+    )
+    pack.add_argument(
+        "--boxes-max",
+        type=_at_least_one,
+        default=1,
+        metavar="N",
+        help="use up to N boxes of these kinds: fewest boxes, then least volume; files are numbered then, as "
+        "plan-1.json, and --json prints a list of plans (default: %(default)s)",
     )
     planning_options(pack)
     grid_options(pack)

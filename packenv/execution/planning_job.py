@@ -12,13 +12,15 @@ from packenv.planning.assembly import assemble, packer
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
-from packenv.planning.portfolio import Packer
+from packenv.planning.portfolio import Packer, fullness
+from packenv.planning.search.contact_height import ExactPile
+from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.types import Container, Pose
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
-    from packenv.execution.rehearsal import Rehearsed
+    from packenv.execution.rehearsal import Rehearsed, Start
     from packenv.sim.world import WorldConfig
 
 
@@ -109,21 +111,34 @@ class PlanningJob:
             return packing.pack(sequence, self.shelf.prepared, box)
 
     def pack_smallest(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing:
-        """The packing in the smallest container that takes all, else in the largest.
+        """The packing in the smallest container that takes all, else in the largest."""
+        return self.smallest_for_all(boxes[:-1], sequence) or self.pack(boxes[-1], sequence)
 
-        All but the last container are given up as soon as they are known not to do. What does without a margin
-        in a small box goes before a margin in a larger one.
+    def smallest_for_all(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing | None:
+        """The packing in the first container that takes all.
+
+        Each is given up as soon as it is known not to do, and there are no restarts. What does without a margin in a
+        small box goes before a margin in a larger one.
         """
-        no_restarts = replace(self, options=replace(self.options, restarts=0))
-        for box in boxes[:-1]:
-            careful = no_restarts.planner(box, give_up=True)
+        hurried = self._hurried()
+        for box in boxes:
+            careful = hurried.planner(box, give_up=True)
             for planner in (careful, *self._without_margin(careful)):
                 with packer(self.options, planner) as packing:
                     found = packing.pack(sequence, self.shelf.prepared, box)
                 if found.complete:
                     return found
             self.watcher.remark(f"box {box.full_label} does not take all: {found.leftovers[0].detail}")
-        return self.pack(boxes[-1], sequence)
+        return None
+
+    def fill(self, box: Container, sequence: Sequence[str]) -> Packing:
+        """Pack into an empty container what it takes, without restarts: the more volume, the better."""
+        with packer(self.options, self._hurried().planner(box), fullness) as packing:
+            return packing.pack(sequence, self.shelf.prepared, box)
+
+    def _hurried(self) -> PlanningJob:
+        """The same without restarts."""
+        return replace(self, options=replace(self.options, restarts=0))
 
     def _without_margin(self, planner: Planner) -> Iterator[Planner]:
         """A cautious planner without its preference."""
@@ -133,7 +148,7 @@ class PlanningJob:
                 yield replace(planner, strategy=replace(strategy, first=tiers, fallback=None))
 
     def rehearse(
-        self, box: Container, sequence: Sequence[str], first: Packing | None, resting: Sequence[Resting] = ()
+        self, box: Container, sequence: Sequence[str], first: Packing | None, lies: Start | None = None
     ) -> Rehearsed:
         """The best of the plans that were carried out in simulated worlds."""
         from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
@@ -141,25 +156,48 @@ class PlanningJob:
         from packenv.sim.session import ExecutionConfig
 
         physics = self.shelf.physics
+        resting = () if lies is None else lies[1]
         lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
         setup = self.options.setup
         rehearsal = Rehearsal(
             setup.with_container(box), physics, self.options.rehearse, ExecutionConfig.of(setup), lying
         )
-        start = (measured_map(box, self.shelf.grid.cell_size, resting), resting) if resting else None
         prepared = self.shelf.prepared
+        start = lies if resting else None
         with self.planner(box) as planner:
             return pack_rehearsed(
-                planner, sequence, prepared, rehearsal, first=first, start=start, spares=self.spares(box)
+                planner,
+                sequence,
+                prepared,
+                rehearsal,
+                first=first,
+                start=start,
+                spares=self.spares(box),
             )
 
     def pack_onto(
-        self, box: Container, sequence: Sequence[str], resting: Sequence[Resting]
+        self,
+        box: Container,
+        sequence: Sequence[str],
+        resting: Sequence[Resting],
+        surface: ContainerMap | None = None,
     ) -> tuple[Packing, Mapping[str, float]]:
-        """Pack items onto what lies in a container; the packing, and further metrics."""
+        """Pack items onto what lies in a container.
+
+        Args:
+            box: the container.
+            sequence: item names.
+            resting: what lies there.
+            surface: its heightmap; made of the meshes where None.
+
+        Returns:
+            the packing, and further metrics.
+        """
+        exact = ExactPile(self.shelf.shapes) if self.options.heights == "mesh" else None
+        if surface is None:
+            surface = measured_map(box, self.shelf.grid.cell_size, resting, exact=exact)
         if self.options.rehearse:
-            found = self.rehearse(box, sequence, None, resting)
+            found = self.rehearse(box, sequence, None, (surface, resting))
             return found.chosen, found.metrics
-        surface = measured_map(box, self.shelf.grid.cell_size, resting)
         with self.packer(box) as packing:
             return packing.pack(sequence, self.shelf.prepared, box, packing.pile(surface, resting)), {}

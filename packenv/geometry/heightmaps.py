@@ -18,7 +18,7 @@ from packenv.geometry.raster_kernels import (
 )
 from packenv.types import FloatArray, IntArray, Item, OrientedItem
 
-_NOISE = 1e-12
+NOISE = 1e-12
 """Heights this far (m) past a quantum are rounding noise of the rotation, not material."""
 
 _EDGES: WeakKeyDictionary[Item, tuple[IntArray, IntArray]] = WeakKeyDictionary()
@@ -70,7 +70,7 @@ def orient_item(
     highest, lowest = np.full((w, h), -np.inf), np.full((w, h), np.inf)
     rasterize(rotated, item.faces, *edges, cell_size, highest, lowest)
     top, bottom = np.empty((w, h), dtype=np.float32), np.empty((w, h), dtype=np.float32)
-    round_outward(highest, lowest, HEIGHT_QUANTUM, _NOISE, top, bottom)
+    round_outward(highest, lowest, HEIGHT_QUANTUM, NOISE, top, bottom)
     return OrientedItem(
         item=item.name,
         pose_index=pose_index,

@@ -145,7 +145,7 @@ def read_plan(path: Path) -> Plan:
     version = document["schema_version"]
     if type(version) is not int or version != SCHEMA_VERSION:
         raise PlanError(f"{path}: schema_version is {version!r:.80}, this version reads {SCHEMA_VERSION}")
-    plan = _Reader(path).plan(document)
+    plan = Reader(path).plan(document)
     if plan.catalogue in (BUILTIN, MEMORY):
         return plan
     folder = (path.resolve().parent / plan.catalogue).resolve().as_posix()
@@ -157,48 +157,56 @@ def _is_finite(value: object) -> bool:
     return is_number(value) and abs(value) <= _HUGE
 
 
-class _Reader:
+class Reader:
     """Turns a JSON document into a plan; every complaint names the file and the place in it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def fail(self, where: str, value: object, right: str) -> PlanError:
+        """The error of a wrong value."""
         return PlanError(f"{self.path}: {where} is {value!r:.80}, should be {right}")
 
     def get(self, table: object, key: str, where: str) -> Any:
+        """A value of a table."""
         if not isinstance(table, Mapping) or key not in table:
             raise PlanError(f"{self.path}: {where} has no {key!r}")
         return table[key]
 
     def text(self, table: object, key: str, where: str) -> str:
+        """A text of a table."""
         value = self.get(table, key, where)
         if not isinstance(value, str):
             raise self.fail(f"{where}.{key}", value, "text")
         return value
 
     def name(self, row: object, where: str) -> str:
+        """An item's name, as catalogues write it."""
         return normal_name(self.text(row, "item", where))
 
     def number(self, table: object, key: str, where: str) -> float:
+        """A finite number."""
         value = self.get(table, key, where)
         if not _is_finite(value):
             raise self.fail(f"{where}.{key}", value, "a finite number")
         return float(value)
 
     def positive(self, table: object, key: str, where: str) -> float:
+        """A number above 0."""
         value = self.number(table, key, where)
         if not value > 0.0:
             raise self.fail(f"{where}.{key}", value, "a number above 0")
         return value
 
     def count(self, table: object, key: str, where: str, least: int) -> int:
+        """A whole number."""
         value = self.get(table, key, where)
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise self.fail(f"{where}.{key}", value, f"a whole number of at least {least}")
         return value
 
     def vector(self, table: object, key: str, where: str, size: int) -> np.ndarray:
+        """Some finite numbers."""
         value = self.get(table, key, where)
         plain = isinstance(value, list) and len(value) == size
         if not plain or not all(map(_is_finite, value)):
@@ -206,28 +214,33 @@ class _Reader:
         return np.array(value, dtype=np.float64)
 
     def rows(self, table: object, key: str) -> list[Any]:
+        """A list of the document."""
         value = self.get(table, key, "the plan")
         if not isinstance(value, list):
             raise self.fail(key, value, "a list")
         return value
 
     def mapping(self, table: object, key: str, where: str = "the plan") -> dict[str, Any]:
+        """A table within a table."""
         value = self.get(table, key, where)
         if not isinstance(value, dict):
             raise self.fail(key if where == "the plan" else f"{where}.{key}", value, "a mapping")
         return value
 
     def counts(self, table: object, key: str, where: str) -> dict[str, int]:
+        """Whole numbers by name."""
         found = self.mapping(table, key, where)
         return {name: self.count(found, name, f"{where}.{key}", 0) for name in found}
 
     def rotation(self, table: object, where: str) -> np.ndarray:
+        """(3, 3) of a unit quaternion."""
         quaternion = self.vector(table, "quat_xyzw", where, 4)
         if abs(float(np.linalg.norm(quaternion)) - 1.0) > 1e-6:
             raise self.fail(f"{where}.quat_xyzw", quaternion.tolist(), "a unit quaternion")
         return quaternion_to_rotation(quaternion)
 
     def placement(self, row: object, index: int) -> Placement:
+        """A step of a plan."""
         where = f"steps[{index}]"
         if self.count(row, "step", where, 1) != index + 1:
             raise self.fail(f"{where}.step", self.get(row, "step", where), str(index + 1))
@@ -251,6 +264,7 @@ class _Reader:
         )
 
     def path_of_robot(self, details: object, where: str) -> RobotPath:
+        """The robot's way of a step."""
         stated, place = self.mapping(details, _PATH, where), f"{where}.{_PATH}"
         rows = self.get(stated, "joints", place)
         if not isinstance(rows, list) or len(rows) < 3:
@@ -267,6 +281,7 @@ class _Reader:
         )
 
     def mesh(self, row: object, where: str) -> MeshRecord:
+        """What a plan keeps of a mesh."""
         on_parts = isinstance(row, Mapping) and "envelope_sha256" in row
         return MeshRecord(
             self.text(row, "file", where),
@@ -279,23 +294,29 @@ class _Reader:
         )
 
     def limits(self, row: object, where: str) -> ItemLimits:
+        """What may not be done with an item."""
         given = row.get("limits", {}) if isinstance(row, Mapping) else {}
         try:
             return ItemLimits.from_mapping(given)
         except InputError as problem:
             raise PlanError(f"{self.path}: {where}.limits: {problem}") from None
 
-    def plan(self, document: dict[str, Any]) -> Plan:
+    def container(self, document: dict[str, Any]) -> Container:
+        """The box."""
         box = self.mapping(document, "container")
         size = self.vector(box, "size", "container", 3)
         name = box.get("name")
         try:
             length, width, height = size.tolist()
-            container = Container(
+            return Container(
                 length, width, height, name if isinstance(name, str) else None, box.get("max_kg")
             )
         except ContainerError as problem:
             raise PlanError(f"{self.path}: {problem}") from None
+
+    def plan(self, document: dict[str, Any]) -> Plan:
+        """A whole plan."""
+        container = self.container(document)
         unit = document.get("unit")
         made_by = document.get("made_by", "planner")
         plan = Plan(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -18,8 +18,9 @@ from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import AUTO, OWN, STANDS_FOR_AUTO, PlanOptions, StabilityRule
 from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
+from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
-from packenv.planning.portfolio import Packer, Portfolio
+from packenv.planning.portfolio import Packer, Portfolio, goal
 from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_named, name_of
 from packenv.planning.search.orientations import perturbations
 from packenv.planning.stability.checker import StabilityChecker
@@ -248,16 +249,23 @@ def assemble(
     )
 
 
-def packer(options: PlanOptions, planner: Planner) -> Packer:
+def packer(
+    options: PlanOptions, planner: Planner, better: Callable[[Packing], tuple[float, ...]] = goal
+) -> Packer:
     """What packs orders as the options ask: the planner that was made of them, or one for each rule of ``auto``.
 
     Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
     planner does alone.
+
+    Args:
+        options: how to plan.
+        planner: made of them.
+        better: which of the plans of ``auto`` is kept.
     """
     if options.heuristic != AUTO or options.asks_physics:
         return planner
     rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
-    return Portfolio([replace(planner, heuristic=rule) for rule in rules])
+    return Portfolio([replace(planner, heuristic=rule) for rule in rules], better)
 
 
 def as_paper(

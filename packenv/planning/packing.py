@@ -25,7 +25,7 @@ class Pile:
     held: Held = field(default_factory=Held)
 
 
-_PERHAPS = ("no-legal-candidate", "no-packable-candidate")
+PERHAPS = ("no-legal-candidate", "no-packable-candidate")
 """Reasons of leftovers that may be placed in another sequence."""
 
 
@@ -68,7 +68,7 @@ class Packing:
     @property
     def lost(self) -> tuple[str, ...]:
         """Leftovers that another plan may have a place for."""
-        return tuple(left.item for left in self.leftovers if left.reason in _PERHAPS)
+        return tuple(left.item for left in self.leftovers if left.reason in PERHAPS)
 
     @property
     def improvable(self) -> bool:

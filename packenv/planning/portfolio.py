@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from packenv.geometry.prepare import PreparedItem
@@ -51,9 +51,11 @@ class Portfolio:
 
     Attributes:
         members: at least one, the one whose plans are mostly kept first.
+        better: figures of a packing, the larger the better.
     """
 
     members: Sequence[Planner]
+    better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
 
     def __enter__(self) -> Portfolio:
         """The portfolio."""
@@ -84,7 +86,7 @@ class Portfolio:
             start: likewise.
 
         Returns:
-            The best packing by :func:`goal`, the first of equal ones; ``made_by`` is its heuristic.
+            The best packing, the first of equal ones; ``made_by`` is its heuristic.
         """
         found: list[Packing] = []
 
@@ -96,13 +98,13 @@ class Portfolio:
         once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in self.members]
         if not any(best_possible(member) for member in once):
             tried = zip(self.members, found.copy(), strict=True)
-            nearest = sorted(tried, key=lambda pair: goal(pair[1]), reverse=True)
+            nearest = sorted(tried, key=lambda pair: self.better(pair[1]), reverse=True)
             restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
             any(best_possible(member) for member in restarting if member.strategy.restarts)
-        return max(found, key=goal)
+        return max(found, key=self.better)
 
 
-def goal(packing: Packing) -> tuple[int, float, float, float]:
+def goal(packing: Packing) -> tuple[float, ...]:
     """What makes a plan the better one, the larger the better.
 
     Most items placed; then the least risk; then the lowest pile, m; then the margin of the item that has
@@ -112,3 +114,8 @@ def goal(packing: Packing) -> tuple[int, float, float, float]:
     figures = (p.details.get("stability") for p in packing.placements)
     margins = (float(f["margin_deg"]) for f in figures if isinstance(f, Mapping) and "margin_deg" in f)
     return len(packing.placements), -packing.risk, -max(tops, default=0.0), min(margins, default=0.0)
+
+
+def fullness(packing: Packing) -> tuple[float, ...]:
+    """As :func:`goal` where something goes on into a further box: most volume placed comes first."""
+    return packing.utilization, *goal(packing)

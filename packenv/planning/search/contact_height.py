@@ -116,8 +116,24 @@ class ExactPile:
         """The pile with one more item that begins in these cells and at this height, m."""
         cell, (dx, dy) = oriented.cell_size, oriented.phase
         corner = np.array([ix * cell + dx, iy * cell + dy, z])
-        placed = upper_faces(self.shapes[oriented.item], oriented.rotation, oriented.offset + corner, cell)
         sides = np.concatenate([corner[:2], corner[:2] + oriented.extents[:2]])
+        return self.with_mesh(
+            self.shapes[oriented.item], oriented.rotation, oriented.offset + corner, cell, sides
+        )
+
+    def with_mesh(
+        self, item: Item, rotation: FloatArray, position: FloatArray, cell_size: float, sides: FloatArray
+    ) -> ExactPile:
+        """The pile with one more item at any pose.
+
+        Args:
+            item: the item.
+            rotation: (3, 3) mesh frame to container frame.
+            position: (3,) m.
+            cell_size: of the container's map, m.
+            sides: (4,) its smallest x, y and largest x, y, m.
+        """
+        placed = upper_faces(item, rotation, position, cell_size)
         return replace(self, faces=(*self.faces, placed), sides=np.vstack([self.sides, sides]), _known={})
 
 

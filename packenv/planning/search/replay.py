@@ -69,6 +69,7 @@ def replay_plan(
     """
     done, planned = plan.placements[: plan.lying], plan.placements[plan.lying :]
     lying = [Resting(items[p.item], *p.pose) for p in done]
-    maps = [measured_map(plan.container, cell_size, lying[: k + 1]) for k in range(len(lying))]
+    pile = ExactPile(items) if exact else None
+    maps = [measured_map(plan.container, cell_size, lying[: k + 1], exact=pile) for k in range(len(lying))]
     before = maps[-1] if maps else None
     return (*maps, *replay(planned, items, plan.container, cell_size, before, exact=exact))
