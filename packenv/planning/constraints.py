@@ -14,13 +14,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
-from packenv.types import Container, FloatArray, Item, OrientedItem, RobotPath
+from packenv.types import BoolArray, Container, FloatArray, Item, OrientedItem, RobotPath
+
+if TYPE_CHECKING:
+    from packenv.planning.search.candidates import Candidates
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +141,20 @@ class Constraint(ABC):
             tallest: no item of the order is taller, however it is turned, m.
         """
         return None
+
+    def refused(self, candidates: Candidates, state: Any) -> BoolArray | None:
+        """(n,) candidates that :meth:`check` would refuse, where that is quickly told; None tells of none.
+
+        Args:
+            candidates: legal ones of one item.
+            state: of the pile, as in :meth:`check`.
+        """
+        return None
+
+    @property
+    def refusal(self) -> str:
+        """The word against what :meth:`refused` refuses."""
+        return self.name
 
     @abstractmethod
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:

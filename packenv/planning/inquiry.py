@@ -16,8 +16,9 @@ import numpy as np
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.packing import Pile
+from packenv.planning.search.candidates import Candidates
 from packenv.planning.sequence import Piece
-from packenv.types import OrientedItem, Placement
+from packenv.types import BoolArray, OrientedItem, Placement
 
 ORIENTATION = "orientation-"
 """Prefix of the reasons that rule out whole orientations; such candidates were never checked."""
@@ -116,6 +117,16 @@ class Inquiry:
         if not self.constraints:
             return list(orientations)
         return [oriented for oriented in orientations if not self.objected(oriented)]
+
+    def screened(self, candidates: Candidates) -> BoolArray:
+        """(n,) candidates that are worth a question; the others are counted as rejected."""
+        open_ = np.ones(len(candidates), dtype=np.bool_)
+        for constraint, state in zip(self.constraints, self.pile.states, strict=True):
+            refused = constraint.refused(candidates, state)
+            if refused is not None and (count := int((open_ & refused).sum())):
+                self.rejections[constraint.refusal] += count
+                open_ &= ~refused
+        return open_
 
     def ask(self, trial: Trial, rules: Sequence[Constraint] | None = None) -> Answer:
         """Whether a candidate passes.

@@ -249,6 +249,8 @@ class PackingPass:
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
             scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
+            worth = np.flatnonzero(inquiry.screened(candidates))
+            candidates, scores = candidates.only(worth), scores[worth]
             if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
                 finder = ExactPlaces(planner.heuristic, self.rng)
                 candidates, scores = finder.add(
@@ -259,6 +261,8 @@ class PackingPass:
                     planner.grid.step_cells,
                     self.most(tier),
                 )
+                worth = np.flatnonzero(inquiry.screened(candidates))
+                candidates, scores = candidates.only(worth), scores[worth]
             if len(candidates) and self.among(candidates, scores, tier, piece, route, inquiry):
                 return None
         return inquiry.rejections

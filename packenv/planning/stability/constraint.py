@@ -10,6 +10,7 @@ import numpy as np
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.planning.constraints import Constraint, Details, Trial, Verdict
 from packenv.planning.options import ContactRule
+from packenv.planning.search.candidates import Candidates
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
 from packenv.planning.stability.checker import StabilityChecker, StabilityResult
@@ -19,7 +20,7 @@ from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.loads import OVERLOAD, Balanced, LoadLimits, Loads, loads_details
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.stability.settling import settled_tilt, settles, settles_with
-from packenv.types import Contacts, FloatArray
+from packenv.types import BoolArray, Contacts, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,15 @@ class StabilityConstraint(Constraint):
         loads = Loads(tuple(resting))
         return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground), loads)
 
+    @property
+    def refusal(self) -> str:
+        """The word for what would lie on an item that bears nothing."""
+        return OVERLOAD
+
+    def refused(self, candidates: Candidates, state: PileState) -> BoolArray | None:
+        """What would lie on an item that bears nothing."""
+        return state.loads.refused(candidates)
+
     def check(self, trial: Trial, surface: ContainerMap, state: PileState) -> Verdict:
         """Whether the pile stands with the candidate placed."""
         name = trial.oriented.item
@@ -107,9 +117,8 @@ class StabilityConstraint(Constraint):
         coms = np.vstack([state.coms, trial.com])
         loads = state.loads
         if self.loads is not None:
-            placed = Resting(self.loads.shapes[name], trial.oriented.rotation, trial.position)
             pile = Balanced(self.checker, contacts, masses, coms, state.ground)
-            borne = self.loads.with_item(loads, placed, surface.container, touched, pile)
+            borne = self.loads.after(loads, trial, surface, touched, pile)
             if borne is None:
                 return Verdict(False, OVERLOAD)
             loads = borne

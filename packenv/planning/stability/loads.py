@@ -11,20 +11,22 @@ as large as one likes, so the lesser of the two bounds counts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.planning.constraints import Constraint, Trial, Verdict
+from packenv.planning.search.candidates import Candidates
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
+from packenv.planning.stability.barred_cells import on_barred, with_barred
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contact_finder import ContactFinder
 from packenv.planning.stability.contacts import Body
 from packenv.planning.stability.solvers import highs_solver, pass_program
-from packenv.types import Contacts, Container, FloatArray, Item
+from packenv.types import BoolArray, Contacts, Container, Float32Array, FloatArray, Item
 
 OVERLOAD = "overload"
 """The word against a candidate with which an item would bear more than it may."""
@@ -45,11 +47,17 @@ class Loads:
         rests_on: of each item, those that it rests on, numbered as in :class:`Contacts`: 0 is the container; None
             while no item is limited, for then nobody looks.
         borne: what rests on limited items at most, by number, kg.
+        barred: (nx, ny) heights of cells on which nothing may lie, m, -inf elsewhere; None where there are none.
     """
 
     items: tuple[Resting, ...] = ()
     rests_on: tuple[frozenset[int], ...] | None = None
     borne: Mapping[int, float] | None = None
+    barred: Float32Array | None = None
+
+    def refused(self, candidates: Candidates) -> BoolArray | None:
+        """(n,) candidates that would lie on what bears nothing; None where there is no such item."""
+        return None if self.barred is None else on_barred(candidates, self.barred)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +93,32 @@ class LoadLimits:
     fields: Mapping[str, SurfaceField]
     find: ContactFinder
 
+    def after(
+        self,
+        loads: Loads,
+        trial: Trial,
+        surface: ContainerMap,
+        own: Contacts | None = None,
+        balanced: Balanced | None = None,
+    ) -> Loads | None:
+        """The pile with a candidate placed; None where an item would then bear more than it may.
+
+        Args:
+            loads: the pile without it.
+            trial: the candidate.
+            surface: the container heightmap without it.
+            own: contacts of the item with the pile, where they are known.
+            balanced: the pile with it, for the linear programme; None bounds loads by masses alone.
+        """
+        item = self.shapes[trial.oriented.item]
+        placed = Resting(item, trial.oriented.rotation, trial.position)
+        found = self.with_item(loads, placed, surface.container, own, balanced)
+        if found is None:
+            return None
+        nx, ny = surface.heights.shape
+        barred = loads.barred if item.limits.bears else with_barred(loads.barred, trial, (nx, ny))
+        return replace(found, barred=barred)
+
     def with_item(
         self,
         loads: Loads,
@@ -93,22 +127,12 @@ class LoadLimits:
         own: Contacts | None = None,
         balanced: Balanced | None = None,
     ) -> Loads | None:
-        """The pile with one more item; None where an item would then bear more than it may.
-
-        Args:
-            loads: the pile without it.
-            placed: the item.
-            container: the box.
-            own: contacts of the item with the pile, where they are known.
-            balanced: the pile with it, for the linear programme; None bounds loads by masses alone.
-        """
+        """As :meth:`after`, with an item at any pose, of which no cells are known."""
         items = (*loads.items, placed)
-        if loads.rests_on is None and not np.isfinite(placed.item.limits.bears):
-            return (
-                Loads(items) if not _limited(loads.items) else self._with_all(items, container, own, balanced)
-            )
         if loads.rests_on is None:
-            return self._with_all(items, container, own, balanced)
+            if np.isfinite(placed.item.limits.bears) or _limited(loads.items):
+                return self._with_all(items, container, own, balanced)
+            return Loads(items)
         if own is None:
             own = self._contacts(items, len(items), container)
         return _checked(items, with_supports(loads.rests_on, own, len(items)), balanced)
@@ -258,10 +282,18 @@ class LoadConstraint(Constraint):
         """What lies there."""
         return Loads(tuple(resting))
 
+    @property
+    def refusal(self) -> str:
+        """The word for what would lie on an item that bears nothing."""
+        return OVERLOAD
+
+    def refused(self, candidates: Candidates, state: Loads) -> BoolArray | None:
+        """What would lie on an item that bears nothing."""
+        return state.refused(candidates)
+
     def check(self, trial: Trial, surface: ContainerMap, state: Any) -> Verdict:
         """Whether every item bears what would rest on it."""
-        placed = Resting(self.limits.shapes[trial.oriented.item], trial.oriented.rotation, trial.position)
-        loads = self.limits.with_item(state, placed, surface.container)
+        loads = self.limits.after(state, trial, surface)
         if loads is None:
             return Verdict(False, OVERLOAD)
         return Verdict(True, state=loads, details=loads_details(loads))
