@@ -39,7 +39,7 @@ from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.equilibrium import LENGTH
 from packenv.planning.stability.margins import Margin, MarginRule
 from packenv.planning.stability.settling_kernels import fill_rows, settle
-from packenv.types import Contacts, FloatArray
+from packenv.types import Contacts, FloatArray, IntArray
 
 STIFFNESS = 1000.0
 """Of a contact: weights over the item's free fall. Ten times more or less tells as well (docs/decisions.md)."""
@@ -131,13 +131,16 @@ def _settles(
     rows = contact_rows(contacts, com, new)
     loads = np.zeros((len(tilts), 6))
     loads[:, :3] = down + tilts
-    return all(_rests(rows, load, checker.mu, most) for load in loads)
+    own = contacts.take((contacts.first == new) | (contacts.second == new))
+    steps = np.ceil(checker.coefficients(own) / _STEP - 1e-9).astype(np.int64)
+    return all(_rests(rows, load, steps, most) for load in loads)
 
 
-def _rests(rows: FloatArray, load: FloatArray, mu: float, most: float) -> bool:
+def _rests(rows: FloatArray, load: FloatArray, steps: IntArray, most: float) -> bool:
     motion = np.empty(6)
-    for step in range(math.ceil(mu / _STEP - 1e-9), -1, -1):
-        settle(rows, load, step * _STEP, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
+    for cap in range(int(steps.max(initial=0)), -1, -1):
+        mu = np.minimum(steps, cap) * _STEP
+        settle(rows, load, mu, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
         if np.abs(motion).max() <= most:
             return True
     return False
