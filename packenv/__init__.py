@@ -33,6 +33,7 @@ if _TYPE_CHECKING:
     from packenv.io.trajectories import Trajectories as Trajectories
     from packenv.items.catalogue import Catalogue as Catalogue
     from packenv.items.shelf import ItemShelf as ItemShelf
+    from packenv.limits import ItemLimits as ItemLimits
     from packenv.planning.constraints import Constraint as Constraint, Trial as Trial, Verdict as Verdict
     from packenv.planning.options import PlanOptions as PlanOptions
     from packenv.planning.search.candidates import Candidates as Candidates
@@ -46,6 +47,7 @@ if _TYPE_CHECKING:
         Item as Item,
         Leftover as Leftover,
         Order as Order,
+        OrderLine as OrderLine,
         Placement as Placement,
         Plan as Plan,
         Pose as Pose,
@@ -69,11 +71,13 @@ _PUBLIC = {
     "Heuristic": "packenv.planning.search.heuristics",
     "InputError": "packenv.errors",
     "Item": "packenv.types",
+    "ItemLimits": "packenv.limits",
     "ItemShelf": "packenv.items.shelf",
     "Leftover": "packenv.types",
     "MotionLimits": "packenv.robot.timing",
     "Order": "packenv.types",
     "OrderGenerator": "packenv.env.orders",
+    "OrderLine": "packenv.types",
     "Outcome": "packenv.env.reward",
     "PackConfig": "packenv.env.config",
     "PackEnv": "packenv.env.pack_env",

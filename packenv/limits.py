@@ -103,20 +103,20 @@ class ItemLimits:
             return 180.0
         return UPRIGHT_TILT if self.max_tilt_deg is None else self.max_tilt_deg
 
-    def lean_deg(self, rotation: NDArray[np.float64]) -> float:
-        """How far the axis that must point up leans at an orientation, degrees; 0 where none must.
+    def lean_deg(self, up: NDArray[np.float64]) -> float:
+        """How far the axis that must point up leans, degrees; 0 where none must.
 
         Args:
-            rotation: (3, 3) mesh frame to container frame.
+            up: (3,) unit, what points up, in the mesh frame: the last row of an orientation's rotation.
         """
         if self.upright is None:
             return 0.0
-        leaning = rotation @ np.array(AXES[str(self.upright)])
-        return math.degrees(math.atan2(math.hypot(leaning[0], leaning[1]), leaning[2]))
+        axis = np.array(AXES[str(self.upright)])
+        return math.degrees(math.atan2(float(np.linalg.norm(np.cross(axis, up))), float(axis @ up)))
 
-    def allows(self, rotation: NDArray[np.float64]) -> bool:
-        """Whether the item may stand at an orientation, (3, 3), to a thousandth of a degree."""
-        return self.lean_deg(rotation) <= self.tilt_deg + 1e-3
+    def allows(self, up: NDArray[np.float64]) -> bool:
+        """Whether the item may stand with this (3,) direction of its mesh up, to a thousandth of a degree."""
+        return self.lean_deg(up) <= self.tilt_deg + 1e-3
 
     def joined(self, other: ItemLimits) -> ItemLimits:
         """These limits and further ones: the stricter of each; what must be up, and the group, as the others say."""

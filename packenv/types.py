@@ -426,21 +426,27 @@ class Order:
                 raise OrderError(f"the order has {line!r:.60} as a line, give Order.of('mug', 'bowl')")
 
     @classmethod
-    def of(cls, *names: str) -> Order:
-        """An order made in code: ``Order.of("mug", "bowl", "bowl")``.
+    def of(cls, *names: str, limits: Mapping[str, ItemLimits] | None = None) -> Order:
+        """An order made in code: ``Order.of("mug", "bowl", limits={"mug": ItemLimits(fragile=True)})``.
 
         Args:
             names: item names in sequence, a name as often as there are pieces of it.
+            limits: of items by name, beside those of the catalogue.
 
         Raises:
-            OrderError: no name, or a name that is no text.
+            OrderError: no name, or a name that is no text, or limits of what is not ordered.
         """
+        known = {} if limits is None else limits
         for name in names:
             if not isinstance(name, str) or not name:
                 raise OrderError(f"the order has {name!r:.60}, give item names: Order.of('mug', 'bowl')")
         if not names:
             raise OrderError("the order is empty, give at least one item: Order.of('mug', 'bowl')")
-        return cls(tuple(OrderLine(name, len(list(pieces))) for name, pieces in groupby(names)))
+        for name in known:
+            if name not in names:
+                raise OrderError(f"limits of {name!r:.60}, which the order does not ask for")
+        lines = ((name, len(list(pieces))) for name, pieces in groupby(names))
+        return cls(tuple(OrderLine(name, qty, known.get(name, NO_LIMITS)) for name, qty in lines))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -45,21 +45,13 @@ class PreparedItem:
 def prepare_item(item: Item, grid: GridConfig) -> PreparedItem:
     """Compute an item's stable poses and its oriented heightmaps.
 
-    Of an item with a side that must be up, the poses at which it is; all, where it is up at none: somebody will
-    say so.
-
     Args:
         item: the item.
         grid: how many poses and yaws, and the cell size.
     """
     from packenv.geometry.stable_poses import stable_poses  # scipy's hull: only when nothing is cached
 
-    if item.limits.upright is None:
-        poses = stable_poses(item, limit=grid.n_poses)
-    else:
-        known = stable_poses(item)
-        upright = tuple(pose for pose in known if item.limits.allows(pose.rotation))
-        poses = (upright or known)[: grid.n_poses]
+    poses = stable_poses(item, limit=grid.n_poses)
     orientations = tuple(
         orient_item(
             item,

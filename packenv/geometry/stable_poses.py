@@ -58,12 +58,14 @@ def stable_poses(item: Item, *, limit: int | None = None) -> tuple[StablePose, .
     the yaw at whatever the mesh frame happens to be. The planner tries multiples of π/4 from here, and
     for anything box-like only a grid that starts aligned with the container's walls packs tight.)
 
+    Of an item with a side that must be up, those poses are found at which it is; all, where it is up at none.
+
     Args:
-        item: the item; uniform density is assumed, as in its ``com``.
+        item: the item, with its ``com`` and its limits.
         limit: how many poses to return; None for all.
 
     Returns:
-        Poses by falling probability. Those of all poses sum to 1; a limit cuts the list and leaves the
+        Poses by falling probability. Those of all poses sum to 1; limits cut the list and leave the
         probabilities as they are. The same mesh gives the same poses on every run.
 
     Raises:
@@ -74,8 +76,12 @@ def stable_poses(item: Item, *, limit: int | None = None) -> tuple[StablePose, .
         raise ValueError(f"limit is {limit}, give at least 1, or None for all poses")
     facets = stable_facets(item.vertices, item.com, name=item.name)
     comparer = pose_comparer(item, facets)
-    home = group_poses(facets.normals, facets.probabilities, comparer)
-    mass = np.bincount(home, weights=facets.probabilities, minlength=len(home))
+    # Before they are grouped: a can's head and foot are one pose, and only one of them may be up.
+    upright = np.array([item.limits.allows(-normal) for normal in facets.normals])
+    which = upright if upright.any() else ~upright
+    normals, probabilities = facets.normals[which], facets.probabilities[which]
+    home = group_poses(normals, probabilities, comparer)
+    mass = np.bincount(home, weights=probabilities, minlength=len(home))
     members = np.bincount(home, minlength=len(home))
     founders = np.unique(home)
     # Equal masses stay in the facets' own order, which is by geometry.
@@ -83,9 +89,9 @@ def stable_poses(item: Item, *, limit: int | None = None) -> tuple[StablePose, .
     centred = facets.hull_points - item.com
     return tuple(
         StablePose(
-            rotation=aligned_rotation(centred, facets.normals[f]),
+            rotation=aligned_rotation(centred, normals[f]),
             probability=float(mass[f]),
-            com_height=float((centred @ facets.normals[f]).max()),
+            com_height=float((centred @ normals[f]).max()),
             members=int(members[f]),
         )
         for f in founders

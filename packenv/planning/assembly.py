@@ -159,7 +159,7 @@ def constraints_of(
         margins: have the margin of every placed item in its figures, a few milliseconds each.
         manipulation: to use again, with the grasps that it knows.
     """
-    found: list[Constraint] = [UprightConstraint(items.shapes)] if items.limited else []
+    found: list[Constraint] = [UprightConstraint(items.prepared)] if items.limited else []
     rule = margin_rule(options.stability)
     contacts = contact_finder(options.contacts, options.setup.friction, tight=rule is not None)
     loads = LoadLimits(items.shapes, items.fields, contacts) if items.limited else None

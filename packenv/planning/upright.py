@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from packenv.geometry.prepare import PreparedItem
 from packenv.planning.constraints import Constraint, Trial, Verdict
 from packenv.planning.search.container_map import ContainerMap
-from packenv.types import Item, OrientedItem
+from packenv.types import OrientedItem
 
 NOT_UPRIGHT = "not-upright"
 """The word against an orientation at which an item leans too far."""
@@ -19,10 +20,10 @@ class UprightConstraint(Constraint):
     """Items that have a side which must be up.
 
     Attributes:
-        items: by name; their limits count.
+        items: by name. One that has no stable pose with that side up stands nowhere, on its tip neither.
     """
 
-    items: Mapping[str, Item]
+    items: Mapping[str, PreparedItem]
 
     @property
     def name(self) -> str:
@@ -31,13 +32,17 @@ class UprightConstraint(Constraint):
 
     def objection(self, oriented: OrientedItem) -> str | None:
         """An orientation at which the side that must be up is not."""
-        return None if self.items[oriented.item].limits.allows(oriented.rotation) else NOT_UPRIGHT
+        item = self.items[oriented.item]
+        stands = item.limits.upright is None or any(
+            item.limits.allows(pose.rotation[2]) for pose in item.poses
+        )
+        return None if stands and item.limits.allows(oriented.rotation[2]) else NOT_UPRIGHT
 
     def explanation(self, oriented: OrientedItem) -> str | None:
         """How the item would have to stand."""
-        limits = self.items[oriented.item].limits
-        if limits.allows(oriented.rotation):
+        if self.objection(oriented) is None:
             return None
+        limits = self.items[oriented.item].limits
         return (
             f"{oriented.item} must stand with its {limits.upright} axis up, at most {limits.tilt_deg:g}° off, and no "
             "such pose both is stable and fits"

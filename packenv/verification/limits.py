@@ -55,9 +55,9 @@ def broken_limits(
 
 def _leaning(plan: Plan, shapes: Mapping[str, Item]) -> Iterator[BrokenLimit]:
     for step, placement in list(enumerate(plan.placements, start=1))[plan.lying :]:
-        limits = shapes[placement.item].limits
-        if not limits.allows(placement.rotation):
-            lean = round(limits.lean_deg(placement.rotation), 3)
+        limits, up = shapes[placement.item].limits, placement.rotation[2]
+        if not limits.allows(up):
+            lean = round(limits.lean_deg(up), 3)
             yield BrokenLimit(step, placement.item, "upright", limits.tilt_deg, lean)
 
 
