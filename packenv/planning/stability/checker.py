@@ -170,10 +170,10 @@ class StabilityChecker:
             tolerance=self.tolerance,
         )
 
-    def coefficients(self, contacts: Contacts) -> FloatArray:
-        """(k,) coefficient of friction that is counted on at each contact."""
+    def coefficients(self, contacts: Contacts) -> FloatArray | float:
+        """The coefficient of friction that is counted on: (k,) at each contact, or the one of them all."""
         if contacts.mu is None:
-            return np.full(len(contacts), min(self.mu, self.most))
+            return min(self.mu, self.most)
         mu: FloatArray = np.minimum(np.where(np.isnan(contacts.mu), self.mu, contacts.mu), self.most)
         return mu
 

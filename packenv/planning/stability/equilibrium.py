@@ -211,7 +211,7 @@ def build_equilibrium(
     masses: ArrayLike,
     coms: ArrayLike,
     *,
-    mu: ArrayLike = 0.7,
+    mu: FloatArray | float = 0.7,
     sides: int = 8,
     gravity: ArrayLike = GRAVITY,
     free: ArrayLike | None = None,
@@ -254,8 +254,8 @@ def build_equilibrium(
         asked = (slot[contacts.first] >= 0) | (slot[contacts.second] >= 0)
         if not asked.all():
             contacts = contacts.take(asked)
-            if np.ndim(mu):
-                mu = np.asarray(mu)[asked]
+            if isinstance(mu, np.ndarray):
+                mu = mu[asked]
 
     weight = np.concatenate([[np.inf], mass * g])
     held = weight.copy()
@@ -263,7 +263,7 @@ def build_equilibrium(
     units = np.minimum(held[contacts.first], held[contacts.second])
     coefficients = np.empty(len(contacts))
     coefficients[:] = mu
-    _check_friction(coefficients, sides)
+    _check_friction(mu, sides)
     up = -pull / g
     level = np.zeros(3)
     level[int(np.argmin(np.abs(up)))] = 1.0
@@ -362,11 +362,11 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-def _check_friction(mu: FloatArray, sides: int) -> None:
+def _check_friction(mu: FloatArray | float, sides: int) -> None:
     """Refuse what is no friction pyramid."""
-    wrong = mu[~(np.isfinite(mu) & (mu >= 0.0))]
-    if len(wrong):
-        raise ValueError(f"friction coefficient {wrong[0]:g}: give a finite number, 0 or more")
+    for one in (mu,) if isinstance(mu, float | int) else (mu.min(initial=0.0), mu.max(initial=0.0)):
+        if not 0.0 <= one < np.inf:
+            raise ValueError(f"friction coefficient {one:g}: give a finite number, 0 or more")
     if sides < 3:
         raise ValueError(f"friction pyramid of {sides} sides: give 3 or more")
 

@@ -235,7 +235,7 @@ def _smallest_mu(
     free: ArrayLike | None,
 ) -> float:
     """Bisect: more friction never hurts. To a thousandth, from above."""
-    low, high = -1e-3, float(checker.coefficients(contacts).max(initial=0.0))
+    low, high = -1e-3, float(np.max(checker.coefficients(contacts), initial=0.0))
     warm = None
     while high - low > 1e-3:
         middle = max((low + high) / 2.0, 0.0)

@@ -39,7 +39,7 @@ from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.equilibrium import LENGTH
 from packenv.planning.stability.margins import Margin, MarginRule
 from packenv.planning.stability.settling_kernels import fill_rows, settle
-from packenv.types import Contacts, FloatArray, IntArray
+from packenv.types import Contacts, FloatArray
 
 STIFFNESS = 1000.0
 """Of a contact: weights over the item's free fall. Ten times more or less tells as well (docs/decisions.md)."""
@@ -131,16 +131,23 @@ def _settles(
     rows = contact_rows(contacts, com, new)
     loads = np.zeros((len(tilts), 6))
     loads[:, :3] = down + tilts
-    own = contacts.take((contacts.first == new) | (contacts.second == new))
-    steps = np.ceil(checker.coefficients(own) / _STEP - 1e-9).astype(np.int64)
-    return all(_rests(rows, load, steps, most) for load in loads)
+    counted = checker.coefficients(contacts)
+    if isinstance(counted, float):
+        top = math.ceil(counted / _STEP - 1e-9)
+        mu = np.full(len(rows), top * _STEP)
+    else:
+        own = (contacts.first == new) | (contacts.second == new)
+        steps = np.ceil(counted[own] / _STEP - 1e-9)
+        top, mu = int(steps.max(initial=0.0)), steps * _STEP
+    return all(_rests(rows, load, mu, top, most) for load in loads)
 
 
-def _rests(rows: FloatArray, load: FloatArray, steps: IntArray, most: float) -> bool:
+def _rests(rows: FloatArray, load: FloatArray, mu: FloatArray, top: int, most: float) -> bool:
+    """Whether it does with these coefficients, the largest of which is ``top`` steps, or with less."""
     motion = np.empty(6)
-    for cap in range(int(steps.max(initial=0)), -1, -1):
-        mu = np.minimum(steps, cap) * _STEP
-        settle(rows, load, mu, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
+    for cap in range(top, -1, -1):
+        lower = mu if cap == top else np.minimum(mu, cap * _STEP)
+        settle(rows, load, lower, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
         if np.abs(motion).max() <= most:
             return True
     return False
