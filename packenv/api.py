@@ -25,6 +25,7 @@ from packenv.errors import InputError, OrderError
 from packenv.execution.planning_job import PlanningJob
 from packenv.execution.trajectories import trajectories
 from packenv.io.containers import parse_container, read_boxes
+from packenv.io.files import check_outputs
 from packenv.io.orders import read_order
 from packenv.io.plans import write_plan
 from packenv.io.trajectories import Trajectories
@@ -47,7 +48,7 @@ from packenv.planning.packing import Packing
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Order, OrderLine, Placement, Plan, Pose
 from packenv.verification.report import Verification, verify
-from packenv.view.show import show
+from packenv.view.show import check_suffix, show
 from packenv.watcher import SILENT, Watcher
 
 if TYPE_CHECKING:
@@ -132,11 +133,17 @@ def load_plan(path: str | Path, catalogue: Items | None = None, *, unit: str | N
 def save_plan(plan: Plan, path: str | Path) -> None:
     """Write a plan as JSON (docs/plan-format.md).
 
+    Args:
+        plan: the plan.
+        path: the file, whose name ends in ``.json`` or has no ending.
+
     Raises:
-        InputError: the file cannot be written.
+        InputError: another ending, the file cannot be written, or it is the order's.
     """
     if not isinstance(plan, Plan):
         raise InputError(f"save_plan: {plan!r:.60} is no plan, give the plan, then the path")
+    check_suffix(Path(path), "save_plan", (".json", ""))
+    check_outputs({"save_plan": Path(path)}, filter(None, [plan.order_source]))
     write_plan(Path(path), plan)
 
 
@@ -155,12 +162,12 @@ def plan(
 
     Args:
         order: the items.
-        container: the box; or a size in metres such as ``0.32x0.32x0.30``, or the id of a box; or several
-            boxes, or ``auto`` for the built-in ones: the smallest that takes all items is taken, else the
-            largest.
+        container: the box; or a size, as ``0.32x0.32x0.30`` in metres (in ``unit`` where it can be no metres) or
+            ``320x320x300mm``; or the id of a box; or several boxes, or ``auto`` for the built-in ones: the smallest
+            that takes all items is taken, else the largest.
         catalogue: where the items are from.
         options: how to plan, as options, by name, or the word of a preset; the default ones where None.
-        unit: of the meshes, where ``catalogue`` is a folder or meshes in memory.
+        unit: of the meshes, where ``catalogue`` is a folder or meshes in memory, and of such a container's size.
         margins: tell the margin of every placed item, a few milliseconds each.
         watcher: is told of progress.
         words: options by name, in place of those of ``options``: ``heuristic="mta"``.
@@ -172,7 +179,7 @@ def plan(
         InputError: an option, the order, the container or a mesh is wrong.
     """
     chosen = _options(options).changed(words)
-    boxes = _boxes(container)
+    boxes = _boxes(container, unit)
     shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
     if order.limits:
@@ -183,8 +190,10 @@ def plan(
     packing = job.pack_smallest(boxes, sequence)
     if chosen.rehearse and packing.placements:
         rehearsed = job.rehearse(packing.container, sequence, packing)
-        return _rehearsed_plan(rehearsed, order.lines, shelf, chosen, unit)
-    return make_plan(packing, order.lines, shelf, chosen, unit=unit)
+        made = _rehearsed_plan(rehearsed, order.lines, shelf, chosen, unit)
+    else:
+        made = make_plan(packing, order.lines, shelf, chosen, unit=unit)
+    return replace(made, order_source=order.source)
 
 
 def rehearse(
@@ -326,12 +335,12 @@ def _options(given: PlanOptions | Mapping[str, Any] | str | None) -> PlanOptions
     return PRESETS[given]()
 
 
-def _boxes(container: Container | str | Sequence[Container]) -> Sequence[Container]:
+def _boxes(container: Container | str | Sequence[Container], unit: str | None) -> Sequence[Container]:
     """The containers to try, the smallest first."""
     if isinstance(container, Container):
         return [container]
     if isinstance(container, str) and container.lower() != "auto":
-        return [parse_container(container, read_boxes())]
+        return [parse_container(container, read_boxes(), unit)]
     boxes = read_boxes() if isinstance(container, str) else container
     if not isinstance(boxes, Sequence) or not all(isinstance(box, Container) for box in boxes):
         raise InputError(

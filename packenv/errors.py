@@ -86,6 +86,11 @@ class MeshError(InputError):
 class UnitError(MeshError):
     """A mesh whose size says that its numbers are not metres."""
 
+    def __init__(self, message: str, longest: float | None = None) -> None:
+        """Store the message, and the longest side that is refused, m."""
+        super().__init__(message)
+        self.longest = longest
+
 
 class CatalogueError(InputError):
     """A catalogue folder or its ``objects.csv`` is wrong."""

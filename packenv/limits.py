@@ -57,7 +57,7 @@ class ItemLimits:
         """
         if isinstance(self.upright, bool):
             object.__setattr__(self, "upright", "z" if self.upright else None)
-        if self.upright is not None and self.upright not in AXES:
+        if self.upright is not None and self.upright not in tuple(AXES):  # JSON may give a list
             raise InputError(f"upright is {self.upright!r:.60}, give yes, no, or the axis: {', '.join(AXES)}")
         tilt = self.max_tilt_deg
         if tilt is not None and not (is_number(tilt) and 0.0 < tilt <= 180.0):

@@ -515,6 +515,7 @@ class Plan:
         lying: how many of the first placements lay in the container already, at these poses.
         made_with: the options themselves, where the plan was made in this process; they are in no file.
         density: that the user gave for items without a mass, kg/m³, or None.
+        order_source: the file of the order that was planned, which no output replaces; it is in no file.
     """
 
     container: Container
@@ -532,6 +533,7 @@ class Plan:
     lying: int = 0
     made_with: object = field(default=None, repr=False)
     density: float | None = None
+    order_source: Path | None = None
 
     def __repr__(self) -> str:
         """A line for people."""

@@ -155,6 +155,16 @@ def test_a_container_comes_in_many_forms(catalogue: rp.Catalogue) -> None:
         assert not rp.plan(ORDER, each, catalogue, constraints="overlap", **QUICK).complete
 
 
+def test_a_container_s_size_is_in_the_unit_of_the_meshes(folder: Path) -> None:
+    """As on the command line: where it can be no metres."""
+    small = meshes(1000.0)
+    planned = rp.plan(ORDER, "200x150x120", small, unit="mm", constraints="overlap", **QUICK)
+    assert planned.container == rp.Container(0.2, 0.15, 0.12)
+    with pytest.raises(rp.InputError) as problem:
+        rp.plan(ORDER, "200x150x120", meshes(), constraints="overlap", **QUICK)
+    told(problem, "200x150x120mm")
+
+
 def test_no_container_is_one_line(catalogue: rp.Catalogue) -> None:
     wrongs: tuple[tuple[Any, str], ...] = (
         ([], "no container"),
@@ -171,6 +181,26 @@ def test_no_container_is_one_line(catalogue: rp.Catalogue) -> None:
 
 
 # ------------------------------------------------------------------------------------------ mistakes
+
+
+@pytest.mark.parametrize("name", ["brick.ply", "objects.csv", "order.json", "link.json", "boxes.csv"])
+def test_a_saved_plan_replaces_no_input(name: str, tmp_path: Path) -> None:
+    write_three(tmp_path)
+    (tmp_path / "objects.csv").write_text("name,file\nbrick,brick.ply\ncan,can.ply\n")
+    (tmp_path / "order.json").write_text('["brick", "can"]')
+    (tmp_path / "boxes.csv").write_text("box_id,length_m,width_m,height_m\nS,0.2,0.15,0.12\n")
+    (tmp_path / "link.json").symlink_to("order.json")
+    order = rp.load_order(tmp_path / "order.json", str(tmp_path))
+    planned = rp.plan(
+        order, read_boxes(tmp_path / "boxes.csv"), str(tmp_path), constraints="overlap", **QUICK
+    )
+    before = (tmp_path / name).read_bytes()
+    with pytest.raises(rp.InputError) as problem:
+        rp.save_plan(planned, tmp_path / name)
+    told(problem, name, "save_plan")
+    assert (tmp_path / name).read_bytes() == before
+    rp.save_plan(planned, tmp_path / "plan.json")
+    rp.save_plan(rp.load_plan(tmp_path / "plan.json"), tmp_path / "plan.json")
 
 
 def test_an_unknown_item_is_one_line(catalogue: rp.Catalogue) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ import pytest
 from packenv.agents.__main__ import read_document
 from packenv.agents.policy_files import read_config
 from packenv.cli import main
-from packenv.errors import InputError, OrderError, PlanError, is_number
+from packenv.errors import InputError, MeshError, OrderError, PlanError, is_number
+from packenv.geometry.mesh_files import parsed_mesh
+from packenv.geometry.readers.raw import RawMesh
 from packenv.io.orders import read_order
 from packenv.io.plans import read_plan
 from packenv.json_text import parse_json
@@ -57,6 +60,17 @@ def test_a_byte_order_mark_is_no_content() -> None:
     assert parse_json('{"a": 1}'.encode("utf-8-sig"), "it") == {"a": 1}
 
 
+def _read_glb(text: bytes) -> RawMesh:
+    chunk = struct.pack("<II", len(text), 0x4E4F534A) + text
+    return parsed_mesh(Path("it.glb"), b"glTF" + struct.pack("<II", 2, 12 + len(chunk)) + chunk)
+
+
+@pytest.mark.parametrize("text", [b"{", b"[" * 100_000, b"\x80", b"\xff\xfe\xff"])
+def test_a_glb_whose_description_is_no_json_is_one_line(text: bytes) -> None:
+    with pytest.raises(MeshError, match=r"^it\.glb: its glTF description: is not (JSON|text).*again$"):
+        _read_glb(text)
+
+
 @pytest.mark.parametrize("number", NO_NUMBERS)
 @pytest.mark.parametrize(
     ("read", "text", "error"),
@@ -67,8 +81,13 @@ def test_a_byte_order_mark_is_no_content() -> None:
         (lambda path: read_document(str(path), "--config"), '{"ppo": {"gamma": %s}}', InputError),
         (lambda path: read_document(path.read_text(), "--config"), '{"seed": %s}', InputError),
         (lambda path: read_config(path.parent), '{"schema_version": 1, "train": {"seed": %s}}', InputError),
+        (
+            lambda path: _read_glb(path.read_bytes()),
+            '{"asset": {"version": "2.0"}, "extras": [%s]}',
+            MeshError,
+        ),
     ],
-    ids=["plan", "order", "cell", "train file", "train words", "policy"],
+    ids=["plan", "order", "cell", "train file", "train words", "policy", "glb"],
 )
 def test_every_reader_refuses_it(
     read: Callable[[Path], object], text: str, error: type[InputError], number: str, tmp_path: Path

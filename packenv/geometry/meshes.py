@@ -297,7 +297,7 @@ def _check_size(path: Path, vertices: FloatArray, scale: float, unit: str | None
         found += " if its numbers are metres"
     fits = _other_units(raw_size, unit)
     hint = f"give its unit: --unit {fits}" if fits else "no --unit makes it so; scale it when exporting"
-    raise UnitError(f"{found}, items are {SMALLEST * 1000:g} mm to {LARGEST:g} m; {hint}")
+    raise UnitError(f"{found}, items are {SMALLEST * 1000:g} mm to {LARGEST:g} m; {hint}", size)
 
 
 def _other_units(raw_size: float, unit: str | None) -> str:

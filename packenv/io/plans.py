@@ -18,7 +18,7 @@ from packenv.io.files import write_whole
 from packenv.json_text import read_json
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.shipped import BUILTIN, MEMORY
-from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath
+from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan, RobotPath, normal_name
 from packenv.version import __version__
 
 SCHEMA_VERSION = 1
@@ -178,6 +178,9 @@ class _Reader:
             raise self.fail(f"{where}.{key}", value, "text")
         return value
 
+    def name(self, row: object, where: str) -> str:
+        return normal_name(self.text(row, "item", where))
+
     def number(self, table: object, key: str, where: str) -> float:
         value = self.get(table, key, where)
         if not _is_finite(value):
@@ -231,7 +234,7 @@ class _Reader:
             raise self.fail(f"{where}.step", self.get(row, "step", where), str(index + 1))
         details = self.mapping(row, "details", where)
         return Placement(
-            item=self.text(row, "item", where),
+            item=self.name(row, where),
             instance=self.count(row, "instance", where, 1),
             rotation=self.rotation(row, where),
             position=self.vector(row, "position", where, 3),
@@ -302,7 +305,7 @@ class _Reader:
             placements=tuple(self.placement(row, k) for k, row in enumerate(self.rows(document, "steps"))),
             leftovers=tuple(
                 Leftover(
-                    self.text(row, "item", f"leftovers[{k}]"),
+                    self.name(row, f"leftovers[{k}]"),
                     self.count(row, "instance", f"leftovers[{k}]", 1),
                     self.text(row, "reason", f"leftovers[{k}]"),
                     self.text(row, "detail", f"leftovers[{k}]"),
@@ -319,14 +322,15 @@ class _Reader:
             density=None if document.get("density") is None else self.number(document, "density", "the plan"),
             order=tuple(
                 OrderLine(
-                    self.text(row, "item", f"order[{k}]"),
+                    self.name(row, f"order[{k}]"),
                     self.count(row, "qty", f"order[{k}]", 1),
                     self.limits(row, f"order[{k}]"),
                 )
                 for k, row in enumerate(self.rows(document, "order"))
             ),
             meshes={
-                key: self.mesh(row, f"meshes.{key}") for key, row in self.mapping(document, "meshes").items()
+                normal_name(key): self.mesh(row, f"meshes.{key}")
+                for key, row in self.mapping(document, "meshes").items()
             },
         )
         if document.get("units") != _UNITS:

@@ -118,7 +118,9 @@ class Catalogue:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that there is to read: the table, meshes and convex parts."""
+        """Every file that there is to read: the table, meshes and convex parts; none of meshes in memory."""
+        if self.label == MEMORY:
+            return ()
         named = [TABLE, *(f for e in self.entries.values() for f in (e.file, e.parts_file) if f)]
         return tuple(self.folder / file for file in named)
 

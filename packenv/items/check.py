@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from packenv.errors import InputError
+from packenv.errors import InputError, UnitError
 from packenv.geometry.mass import hull_volume
 from packenv.items.catalogue import Catalogue, open_catalogue
 from packenv.items.sizes import suspicious_sizes
@@ -63,22 +63,31 @@ def check_items(
     """
     catalogue = open_catalogue(folder, unit=unit)
     names: Iterable[str] = progress(catalogue.names) if progress else catalogue.names
-    reports = [_report(catalogue, name) for name in names]
-    said = suspicious_sizes({r.name: max(r.extents) for r in reports if r.extents})
+    sizes: dict[str, float] = {}
+    reports = [_report(catalogue, name, sizes) for name in names]
+    # Against all known sizes, and without the refused ones: either may be those whose unit is right.
+    usable = {r.name: sizes[r.name] for r in reports if r.extents}
+    said = {**suspicious_sizes(sizes), **suspicious_sizes(usable)}
     return [
-        replace(r, text="; ".join(filter(None, (r.text, said[r.name])))) if r.name in said else r
+        replace(r, text="; ".join(filter(None, (r.text, said[r.name]))))
+        if r.extents and r.name in said
+        else r
         for r in reports
     ]
 
 
-def _report(catalogue: Catalogue, name: str) -> ItemReport:
+def _report(catalogue: Catalogue, name: str, sizes: dict[str, float]) -> ItemReport:
+    """What a check of an item found; its longest side, where that is known, goes into ``sizes``."""
     file = catalogue.entries[name].file
     try:
         item = catalogue.item(name)
     except InputError as problem:
+        if isinstance(problem, UnitError) and problem.longest is not None:
+            sizes[name] = problem.longest
         text = str(problem).removeprefix(f"{catalogue.folder / file}: ")
         return ItemReport(name, file, "error", text=text)
     x, y, z = item.extents.tolist()
+    sizes[name] = max(x, y, z)
     return ItemReport(
         name,
         file,

@@ -20,11 +20,12 @@ def suspicious_sizes(longest: Mapping[str, float]) -> dict[str, str]:
         longest: longest side of each item, m, by its name.
 
     Returns:
-        What to say, by name; empty for fewer than three items.
+        What to say, by name; of two items it is said of both, and of one nothing.
     """
     sizes = np.array(list(longest.values()))
-    if len(sizes) < 3:
+    if len(sizes) < 2:
         return {}
+    others = "other's size" if len(sizes) == 2 else "others' median"
     said = {}
     for k, (name, size) in enumerate(longest.items()):
         median = float(np.median(np.delete(sizes, k)))
@@ -32,7 +33,7 @@ def suspicious_sizes(longest: Mapping[str, float]) -> dict[str, str]:
         if times >= OUTLIER:
             than = "longer" if size > median else "shorter"
             said[name] = (
-                f"suspicious: {size:.3g} m, {times:.0f} times {than} than the others' median "
+                f"suspicious: {size:.3g} m, {times:.0f} times {than} than the {others} "
                 f"of {median:.3g} m; is its unit right?"
             )
     return said

@@ -7,11 +7,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from packenv.errors import InputError, closest_match
+from packenv.json_table import Table
 from packenv.json_text import read_json
 from packenv.robot.cell import CellSetup, Place
 from packenv.robot.opw import OpwArm
 from packenv.robot.records import gripper_from, robot_from
-from packenv.robot.tables import Table
 from packenv.shipped import assets_dir
 
 DEFAULT = "tx90"

@@ -6,10 +6,10 @@ from math import hypot, pi
 from typing import Any
 
 from packenv.errors import InputError
+from packenv.json_table import Table
 from packenv.robot.gripper import ATMOSPHERE, Gripper
 from packenv.robot.opw import Joint, Lengths, OpwArm
 from packenv.robot.shapes import Primitive
-from packenv.robot.tables import Table
 
 _REACH = 10.0
 """No arm here is longer, m."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from packenv.errors import InputError
-from packenv.io.files import write_whole
+from packenv.io.files import check_outputs, write_whole
 from packenv.items.plan_items import Items, options_of, require_plan, shelf_of, surfaces_of
 from packenv.types import Plan
 from packenv.view.scene import Scene, build_scene
@@ -58,8 +58,8 @@ def show(
         watcher: is told of remarks and of progress.
 
     Raises:
-        InputError: the ending is unknown, the file cannot be written, a mesh is not the plan's, or an animation
-            is asked of an execution that recorded none.
+        InputError: the ending is unknown, the file cannot be written or is one of the catalogue's, a mesh is not
+            the plan's, or an animation is asked of an execution that recorded none.
     """
     path = Path(path)
     check_suffix(path)
@@ -70,6 +70,7 @@ def show(
     if kind == ".gif" and executed is not None and not executed.frames:
         raise InputError(f"show {path}: nothing was recorded, give record=True to execute")
     shelf = shelf_of(plan, catalogue, unit=unit)
+    check_outputs({"show": path}, shelf.catalogue.files)
     items = {p.item: shelf.items[p.item] for p in plan.placements}
     if kind == ".glb":
         poses = None if executed is None else executed.execution.final

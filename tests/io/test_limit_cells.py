@@ -88,6 +88,8 @@ def test_json_orders_take_the_same_keys(tmp_path: Path) -> None:
         {"max_load_kg": "2"},
         {"keep_apart": 3},
         {"upright": "top"},
+        {"upright": ["z"]},
+        {"upright": {}},
         {"frail": True},
     ):
         path.write_text(json.dumps([{"item": "a", **wrong}]))

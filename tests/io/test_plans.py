@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,9 +11,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import packenv as rp
 from packenv.errors import InputError, PlanError
 from packenv.io.plans import read_plan, write_plan
 from packenv.types import Container, Leftover, MeshRecord, OrderLine, Placement, Plan
+from tests.memory_samples import QUICK
+from tests.mesh_samples import block, write_mesh
 
 
 def _plan(seed: int = 0, catalogue: str = "builtin") -> Plan:
@@ -94,6 +98,26 @@ def test_the_catalogue_is_found_from_wherever_the_plan_is_read(
     assert (
         Path(read_plan(tmp_path / "plans" / "p.json").catalogue).resolve() == (tmp_path / "shelf").resolve()
     )
+
+
+@pytest.mark.parametrize("written", ["NFC", "NFD"])
+@pytest.mark.parametrize("on_disk", ["NFC", "NFD"])
+def test_names_are_the_same_in_every_normal_form(written: str, on_disk: str, tmp_path: Path) -> None:
+    """File systems and editors mix them: in the catalogue, in the plan, or in both."""
+    name = "Krüg"
+    write_mesh(tmp_path / f"{unicodedata.normalize(on_disk, name)}.ply", block())
+    order = rp.Order.of(*[unicodedata.normalize(on_disk, name)] * 3)
+    planned = rp.plan(order, rp.Container(0.11, 0.07, 0.1), str(tmp_path), constraints="overlap", **QUICK)
+    assert planned.placements
+    assert planned.leftovers
+    path = tmp_path / "p.json"
+    rp.save_plan(planned, path)
+    text = json.dumps(json.loads(path.read_text()), ensure_ascii=False)
+    path.write_text(unicodedata.normalize(written, text), encoding="utf-8")
+    loaded = rp.load_plan(path)
+    names = {p.item for p in loaded.placements} | {left.item for left in loaded.leftovers} | {*loaded.meshes}
+    assert names == {unicodedata.normalize("NFC", name)}
+    assert rp.verify(loaded).ok
 
 
 def _set(*path: str | int, value: object) -> Callable[[dict], None]:

@@ -190,10 +190,9 @@ def test_no_damage_is_believed_and_none_is_an_error(tmp_path: Path, count: int) 
     }
     for _ in range(count):
         file = list(keys)[rng.integers(len(keys))]
-        sound, other = file.path.read_bytes(), files[rng.integers(len(files))].read_bytes()
-        damaged = _mutated(sound, other, rng)
-        if damaged == sound:
-            continue
+        damaged = sound = file.path.read_bytes()
+        while damaged == sound:
+            damaged = _mutated(sound, files[rng.integers(len(files))].read_bytes(), rng)
         file.path.write_bytes(damaged)
         assert file.read() is None
         kept = file.kept(lambda: keys[file], dict, dict)  # noqa: B023

@@ -149,6 +149,21 @@ def test_a_file_that_cannot_be_written_is_one_line(plan: rp.Plan, tmp_path: Path
         assert "\n" not in str(problem.value)
 
 
+def test_what_is_shown_replaces_no_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = tmp_path / "brick.glb"
+    trimesh.creation.box((0.08, 0.06, 0.04)).export(mesh)
+    before = mesh.read_bytes()
+    planned = rp.plan(rp.Order.of("brick"), BOX, str(tmp_path), constraints="overlap", **QUICK)
+    with pytest.raises(rp.InputError, match=r"brick\.glb: is also .*brick\.glb, which is read"):
+        rp.show(planned, mesh)
+    assert mesh.read_bytes() == before
+    rp.show(planned, tmp_path / "view.glb")
+    monkeypatch.chdir(tmp_path)  # an item in memory has no file, whatever its name
+    named = {"brick.glb": meshes()["brick"]}
+    rp.show(rp.plan(rp.Order.of("brick.glb"), BOX, named, constraints="overlap", **QUICK), Path("brick.glb"))
+    assert mesh.read_bytes() != before
+
+
 @pytest.mark.parametrize("kind", ["gif", "glb"])
 def test_view_writes_animations_and_3d_files(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -7,7 +7,6 @@ missing data for zeros and negative numbers for others, and passes over fans, in
 from __future__ import annotations
 
 import dataclasses
-import json
 import struct
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from packenv.errors import MeshError
 from packenv.geometry.readers.raw import MAX_FILE_BYTES, RawMesh, brief, check_counts, read_mesh
+from packenv.json_text import parse_json
 
 _TRIANGLES, _STRIP = 4, 5
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -41,7 +41,7 @@ def read_glb(data: bytes) -> RawMesh:
     text = data[20 : 20 + size]
     if _INSTANCING in text:
         raise MeshError("needs the glTF extension EXT_mesh_gpu_instancing; export copies as nodes")
-    document = json.loads(text)
+    document = parse_json(text, "its glTF description", "a file that is exported again", MeshError)
     _refuse_special(document)
     raw = read_mesh("glb", data, *_announced(document), skip_materials=True)
     return dataclasses.replace(raw, split=True, metres=1.0)

@@ -2,10 +2,10 @@
 
 An item rests on another where that one can push it upwards, or, where nothing does, on all that it touches. Every
 item that rests on a limited one, straight or by way of others, counts with its whole mass: no pile that is let
-go puts more on it. Where this is too much, because items also rest on others, a linear programme over the contact
+go puts more on it. Where this is too much, and some of them rest on others, too, a linear programme over the contact
 forces of the force balance (paper Sec. III-A) tells the most that can be on it: the largest downward push among all
-forces that balance the pile. Forces that only press against each other can make that as large as one likes, so
-the lesser of the two bounds counts.
+forces that balance the items above it, whatever holds them. Forces that only press against each other can make that
+as large as one likes, so the lesser of the two bounds counts.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from packenv.planning.search.measured import Resting
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contact_finder import ContactFinder
 from packenv.planning.stability.contacts import Body
+from packenv.planning.stability.solvers import highs_solver, pass_program
 from packenv.types import Contacts, Container, FloatArray, Item
 
 OVERLOAD = "overload"
@@ -41,8 +42,8 @@ class Loads:
 
     Attributes:
         items: in packing sequence, those that lay there before first.
-        rests_on: of each item, those that it rests on, from 1 as in :class:`Contacts`; None while no item is
-            limited, for then nobody looks.
+        rests_on: of each item, those that it rests on, numbered as in :class:`Contacts`: 0 is the container; None
+            while no item is limited, for then nobody looks.
         borne: what rests on limited items at most, by number, kg.
     """
 
@@ -152,7 +153,7 @@ def with_supports(known: tuple[frozenset[int], ...], own: Contacts, new: int) ->
     other = np.where(own.second == new, own.first, own.second)
     carrying = other[rises > CARRIES]
     beneath = carrying if len(carrying) else other
-    rests_on[new - 1] = frozenset(int(b) for b in np.unique(beneath) if b > 0)
+    rests_on[new - 1] = frozenset(np.unique(beneath).tolist())
     for above in np.unique(other[-rises > CARRIES]).tolist():
         if above > 0:
             rests_on[above - 1] |= {new}
@@ -182,48 +183,67 @@ def loads_borne(
         bears = placed.item.limits.bears
         if not np.isfinite(bears):
             continue
-        load = sum(items[k - 1].item.mass for k in resting_on(number, rests_on))
-        if load > bears + SLACK and bears > 0.0 and balanced is not None and number > balanced.ground:
-            load = min(load, largest_load(balanced, number - balanced.ground))
+        above = resting_on(number, rests_on)
+        load = _mass(items, above)
+        if load > bears + SLACK and bears > 0.0 and balanced is not None:
+            alone = above - resting_on(0, rests_on, without=number)
+            if _mass(items, alone) <= bears + SLACK:
+                load = min(load, largest_load(balanced, number, above))
         borne[number] = load
     return borne
 
 
-def resting_on(number: int, rests_on: Sequence[frozenset[int]]) -> frozenset[int]:
+def _mass(items: Sequence[Resting], which: frozenset[int]) -> float:
+    return sum(items[number - 1].item.mass for number in which)
+
+
+def resting_on(number: int, rests_on: Sequence[frozenset[int]], without: int | None = None) -> frozenset[int]:
     """The items that rest on one, straight or by way of others.
 
     Args:
-        number: the item, from 1.
+        number: the item, from 1, or 0 for the container.
         rests_on: of each item, those that it rests on.
+        without: an item that is left out, so that what rests on it alone rests on nothing.
     """
     found: set[int] = set()
     waiting = [number]
     while waiting:
         below = waiting.pop()
-        above = {k for k, beneath in enumerate(rests_on, start=1) if below in beneath} - found - {number}
+        above = {k for k, beneath in enumerate(rests_on, start=1) if below in beneath}
+        above -= {number, without, *found}
         found |= above
         waiting += above
     return frozenset(found)
 
 
-def largest_load(pile: Balanced, body: int) -> float:
-    """The most that forces which balance a pile push an item down by, kg; infinite where nothing bounds it.
+def largest_load(pile: Balanced, number: int, above: frozenset[int]) -> float:
+    """The most that forces which balance what rests on an item push it down by, kg; infinite without a bound.
 
     Args:
         pile: the pile.
-        body: the item, among those that are not ground.
+        number: the item.
+        above: what rests on it; all else is held.
     """
-    from scipy.optimize import linprog  # a tenth of a second, and most piles need none
+    import highspy
 
-    eq = pile.checker.build(pile.contacts, pile.masses, pile.coms, None)
+    body, free = number - pile.ground, np.array(sorted(above)) - pile.ground
+    if min(body, free.min()) < 1:
+        return np.inf
+    eq = pile.checker.build(pile.contacts, pile.masses, pile.coms, free)
     contacts = eq.contacts
-    into_body = np.where(contacts.second == body, 1.0, -1.0) * contacts.normals[:, 2]
-    pressed = ((contacts.second == body) | (contacts.first == body)) & (into_body < -CARRIES)
-    down = np.where(contacts.second == body, -1.0, 1.0)[:, None] * eq.edges[:, :, 2] * eq.units[:, None]
-    push = np.where(pressed[:, None], down, 0.0).ravel()
-    unit = float(pile.masses[body - 1] * np.linalg.norm(pile.checker.gravity))
-    found = linprog(-push / unit, A_eq=eq.matrix, b_eq=eq.rhs, bounds=(0.0, None), method="highs")
-    return float(-found.fun) * float(pile.masses[body - 1]) if found.status == 0 else np.inf
+    into = np.where(contacts.second == body, 1.0, -1.0)
+    pressed = ((contacts.second == body) | (contacts.first == body)) & (
+        into * contacts.normals[:, 2] < -CARRIES
+    )
+    newtons = eq.edges[:, :, 2] * (into * eq.units)[:, None]
+    highs = highs_solver()
+    pass_program(
+        highs, eq, eq.start, eq.index, eq.value, cost=np.where(pressed[:, None], newtons, 0.0).ravel()
+    )
+    highs.run()
+    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return np.inf
+    return -float(highs.getInfo().objective_function_value) / float(np.linalg.norm(pile.checker.gravity))
 
 
 @dataclass(frozen=True, eq=False)

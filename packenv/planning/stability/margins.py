@@ -272,7 +272,9 @@ def _largest_pull(
     index = np.append(index, rows).astype(np.int32)
     value = np.append(value, pull.ravel()[rows])
     t_column = len(chosen)
-    pass_program(highs, eq, start, index, value, maximise=t_column)
+    cost = np.zeros(t_column + 1)
+    cost[t_column] = -1.0
+    pass_program(highs, eq, start, index, value, cost=cost)
     highs.changeColBounds(t_column, 0.0, most)
     positions = [chosen]
     for _ in range(_ROUNDS):

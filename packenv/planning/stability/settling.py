@@ -19,11 +19,11 @@ gives way by. Where it hangs between two facing walls, no push ever begins, at a
 so steeply that only ten weights and more on a contact hold it, it slips.
 
 What settles with little friction settles with more, by definition: a coefficient counts as all steps of
-``_STEP`` up to it, and the item settles if it does so at one of them. Where contacts differ, each has its own or
-the step, whichever is less, so this holds for more friction of the item itself and of everything at once; more of
-one of its neighbours alone unsettles it in 6 of 10,000 cases (docs/decisions.md). The thresholds of sliding themselves are
-exact all the same, for balance is asked too. Items are taken one by one, in the sequence in which they come:
-a keystone that holds up what would fall without it never finds that there.
+``_STEP`` up to it, and the item settles if it does so at one of them. Where contacts differ, each has its own or the
+step, whichever is less: so this holds for more friction of the item itself and of everything at once, while more of
+one neighbour alone unsettles it in 6 of 10,000 cases (docs/decisions.md). The thresholds of sliding themselves are
+exact all the same, for balance is asked too. Items are taken one by one, in the sequence in which they come: a
+keystone that holds up what would fall without it never finds that there.
 
 Source: Coulomb friction has several solutions (Pang and Trinkle 2000, "Stability characterizations of rigid
 body contact problems with Coulomb friction"); balance is their *weak stability*, "no force is at hand, so it

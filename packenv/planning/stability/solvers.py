@@ -178,7 +178,7 @@ def _silent_highs() -> Any:
 
 
 def pass_program(
-    highs: Any, eq: Equilibrium, start: Any, index: Any, value: FloatArray, *, maximise: int | None = None
+    highs: Any, eq: Equilibrium, start: Any, index: Any, value: FloatArray, *, cost: FloatArray | None = None
 ) -> None:
     """Give HiGHS the rows of ``eq`` with the columns (start, index, value), all of them non-negative.
 
@@ -188,12 +188,10 @@ def pass_program(
         start: (c + 1,) int32 where the columns begin.
         index: int32 rows.
         value: entries.
-        maximise: a column to make as large as possible; only feasibility is asked where None.
+        cost: (c,) of the columns, whose sum is made as small as possible; only feasibility is asked where None.
     """
     columns = len(start) - 1
-    cost = np.zeros(columns)
-    if maximise is not None:
-        cost[maximise] = -1.0
+    cost = np.zeros(columns) if cost is None else cost
     highs.passModel(
         columns,
         eq.n_rows,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard
 
 from packenv.errors import InputError, check_known, is_number
 
 _WORD = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HUGE = 1e6
+_COUNTS = {2: "two", 3: "three"}
 
 
 class Table:
@@ -63,9 +64,8 @@ class Table:
             InputError: it is none.
         """
         value = self._values[key]
-        if not is_number(value) or not least <= value <= most or (above and value == least):
-            start = f"above {least:g}" if above else f"from {least:g}"
-            raise self.wrong(key, f"a number {start} to {most:g}")
+        if not _within(value, least, most, above):
+            raise self.wrong(key, f"a number {_range(least, most, above)}")
         return float(value)
 
     def optional_number(self, key: str, least: float = -_HUGE, most: float = _HUGE) -> float | None:
@@ -78,11 +78,22 @@ class Table:
         Raises:
             InputError: they are none.
         """
+        x, y, z = self.numbers(key, 3, least, most)
+        return x, y, z
+
+    def numbers(
+        self, key: str, count: int, least: float = -_HUGE, most: float = _HUGE, *, above: bool = False
+    ) -> tuple[float, ...]:
+        """So many numbers, each as :meth:`number` has it.
+
+        Raises:
+            InputError: they are none.
+        """
         value = self._values[key]
-        plain = isinstance(value, (list, tuple)) and len(value) == 3
-        if not plain or not all(is_number(v) and least <= v <= most for v in value):
-            raise self.wrong(key, f"three numbers from {least:g} to {most:g}")
-        return float(value[0]), float(value[1]), float(value[2])
+        plain = isinstance(value, (list, tuple)) and len(value) == count
+        if not plain or not all(_within(v, least, most, above) for v in value):
+            raise self.wrong(key, f"{_COUNTS[count]} numbers {_range(least, most, above)}")
+        return tuple(map(float, value))
 
     def rows(self, key: str, count: int | None = None) -> list[Any]:
         """A list, of ``count`` rows where that is given, else of one or more.
@@ -117,6 +128,17 @@ class Table:
             raise self.wrong(key, "one word of letters, digits, _, - and .")
         return value
 
+    def choice(self, key: str, words: Sequence[str]) -> str:
+        """One of some words.
+
+        Raises:
+            InputError: it is something else.
+        """
+        value = self._values[key]
+        if not isinstance(value, str) or value not in words:
+            raise self.wrong(key, f"one of {', '.join(words)}")
+        return value
+
     def flag(self, key: str) -> bool:
         """True or false.
 
@@ -127,3 +149,11 @@ class Table:
         if not isinstance(value, bool):
             raise self.wrong(key, "true or false")
         return value
+
+
+def _within(value: object, least: float, most: float, above: bool) -> TypeGuard[float]:
+    return is_number(value) and least <= value <= most and not (above and value == least)
+
+
+def _range(least: float, most: float, above: bool) -> str:
+    return f"{'above' if above else 'from'} {least:g} to {most:g}"
