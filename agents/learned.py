@@ -104,7 +104,16 @@ class _ZipPolicy:
                 f"{path}: MaskablePPO cannot read it ({type(problem).__name__}: {problem})"
             ) from None
 
+        self._path = path
+
     def actions(self, obs: Observation) -> IntArray:
+        for name, seen in obs.items():
+            trained = self._model.observation_space[name].shape  # type: ignore[index]
+            if trained != seen.shape[1:]:
+                raise InputError(
+                    f"{self._path}: was trained on observations whose {name!r} is {trained}, here it is "
+                    f"{seen.shape[1:]}; train it again, or give the environment that it was trained in"
+                )
         actions, _ = self._model.predict(dict(obs), action_masks=obs["action_mask"], deterministic=True)
         return np.asarray(actions, dtype=np.int64)
 

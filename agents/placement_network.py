@@ -35,6 +35,9 @@ _MARGIN_SCALE = 0.02
 _RANK_SCALE = 8.0
 """ln(1 + rank) is divided by this: about 1 for the 3,000th candidate."""
 
+_BEARS_SCALE = math.log(101.0)
+"""ln(1 + kg) is divided by this: 1 for an item without a limit."""
+
 
 @dataclass(frozen=True)
 class NetworkConfig:
@@ -323,6 +326,9 @@ class _Normalizer(nn.Module):
                 torch.log1p(column(items, "mass").clamp(min=0)),
                 column(items, "share_filled"),
                 column(items, "deferred"),
+                column(items, "max_tilt") / math.pi,
+                torch.log1p(column(items, "bears").clamp(min=0)) / _BEARS_SCALE,
+                column(items, "refused"),
             ),
             dim=2,
         )
@@ -350,7 +356,10 @@ _CANDIDATE_COLUMNS = (
     *("present", "x", "y", "z", *_SIDES, "yaw", "pose"),
     *("probability", "perturbed", "com_height", "support_margin"),
 )
-_ITEM_COLUMNS = ("present", *_SIDES, "volume", "mass", "share_filled", "deferred")
+_ITEM_COLUMNS = (
+    *("present", *_SIDES, "volume", "mass", "share_filled", "deferred"),
+    *("max_tilt", "bears", "refused"),
+)
 _STATE_COLUMNS = (*_SIDES, "utilization", "packed_share", "left_share", "stage")
 
 

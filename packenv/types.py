@@ -120,8 +120,8 @@ class Container:
 
     @property
     def full_label(self) -> str:
-        """The same, and beside a box id the size."""
-        return self._size_label if self.name is None else f"{self.name} ({self._size_label} m)"
+        """The size with its unit, behind the box id where there is one."""
+        return f"{self._size_label} m" if self.name is None else f"{self.name} ({self._size_label} m)"
 
     @property
     def _size_label(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections import Counter
 
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
@@ -12,11 +11,11 @@ from packenv.execution.planning_job import require_engine
 from packenv.io.containers import boxes_file, parse_container, read_boxes
 from packenv.io.files import check_outputs
 from packenv.io.plans import plan_to_json
-from packenv.planning.assembly import ALONE
-from packenv.planning.options import AUTO, PRESETS, SINGLE_RULES, PlanOptions, heuristic_label, option_names
+from packenv.planning.options import PRESETS, PlanOptions, option_names
 from packenv.robot.files import cell_files
 from packenv.types import Plan
 from packenv.view.show import check_suffix, show
+from packenv.view.words import leftover_lines, piece_names, rule_words
 
 _OUTPUTS = ("out", "html", "png")
 
@@ -68,32 +67,22 @@ def _survives(plan: Plan) -> bool:
     return plan.metrics.get("rehearsal_survived", 0) == plan.metrics.get("rehearsal_worlds", 0)
 
 
-def _rule(plan: Plan, options: PlanOptions) -> str:
-    """The heuristic that made a plan, beside the one that was asked for."""
-    asked = heuristic_label(options.heuristic)
-    made = next((word for word in plan.made_by.split() if word in SINGLE_RULES), None)
-    made = made or (ALONE if asked == AUTO else asked)
-    if made == asked:
-        return asked
-    return f"{made} (auto)" if asked == AUTO else f"{made} (in place of {asked})"
-
-
 def _report(plan: Plan, options: PlanOptions, arguments: argparse.Namespace) -> None:
     packed, ordered = len(plan.placements), len(plan.placements) + len(plan.leftovers)
-    same = Counter((left.item, left.detail) for left in plan.leftovers)
-    left_over = [(item if n == 1 else f"{item} x {n}", detail) for (item, detail), n in same.items()]
-    width = max(
-        len(name) for name in (*(p.item for p in plan.placements), *(n for n, _ in left_over), "item")
-    )
-    say(f"{'step':>4}  {'item':<{width}}  {'corner x, y, z (m)':<21}  {'size (m)':<21}  yaw")
-    for step, p in enumerate(plan.placements, start=1):
+    names, left_over = piece_names(plan.placements), leftover_lines(plan.leftovers)
+    width = max(len(name) for name in (*names, *(line.name for line in left_over), "item"))
+    limits = [", ".join(plan.meshes[p.item].limits.words) for p in plan.placements]
+    last = "  limits" if any(limits) else ""
+    say(f"{'step':>4}  {'item':<{width}}  {'corner x, y, z (m)':<21}  {'size (m)':<21}   yaw{last}")
+    for step, (p, name, words) in enumerate(zip(plan.placements, names, limits, strict=True), start=1):
         corner = " ".join(f"{c:6.3f}" for c in p.corner)
         size = " ".join(f"{e:6.3f}" for e in p.extents)
-        say(f"{step:>4}  {p.item:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°")
-    for name, detail in left_over:
-        say(f"   -  {name:<{width}}  not packed: {detail}")
+        row = f"{step:>4}  {name:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°  {words}"
+        say(row.rstrip())
+    for line in left_over:
+        say(f"   -  {line.name:<{width}}  not packed: {line.detail}")
     say(
-        f"packed {packed} of {ordered} items into {plan.container.full_label} with {_rule(plan, options)}: "
+        f"packed {packed} of {ordered} items into {plan.container.full_label} with {rule_words(plan)}: "
         f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
     )
     if options.cell is not None:

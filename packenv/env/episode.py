@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from packenv.env.config import PackConfig
 from packenv.env.observation import HEURISTIC_COLUMNS, ItemView, View
 from packenv.geometry.prepare import PreparedItem
 from packenv.items.shelf import ItemShelf
+from packenv.limits import ItemLimits
+from packenv.planning.admission import Admission, Held
 from packenv.planning.assembly import constraints_of, heuristic_of
 from packenv.planning.constraints import Constraint
 from packenv.planning.inquiry import Memory, barrier, place
@@ -37,10 +40,22 @@ _ROUTES = ("first-pass", "later", "5d")
 class Rules:
     """The constraints of a mask level, and what they remember of items from one episode to the next."""
 
-    def __init__(self, config: PackConfig, shelf: ItemShelf) -> None:
-        """Keep what is needed."""
-        self.config, self.shelf = config, shelf
+    def __init__(
+        self,
+        config: PackConfig,
+        shelf: ItemShelf,
+        limits: Mapping[str, ItemLimits] = MappingProxyType({}),
+    ) -> None:
+        """Keep what is needed.
+
+        Args:
+            config: settings.
+            shelf: the items.
+            limits: those of the shelf's items that an order sets, by name.
+        """
+        self.config, self.shelf, self.limits = config, shelf, limits
         self.options = config.plan_options()
+        self.admission = Admission(shelf.shapes)
         own = (heuristic_of(PlanOptions(heuristic=given)) for given in config.heuristics)
         self.heuristics = (*(HEURISTICS[name] for name in HEURISTIC_COLUMNS), *own)
         self._manipulation: dict[tuple[float, float, float], ManipulationConstraint] = {}
@@ -63,11 +78,11 @@ class Rules:
     def groups(self, name: str, container: Container) -> Iterator[Sequence[OrientedItem]]:
         """Orientations of an item that is back: the stable poses, then perturbed ones (Alg. 4).
 
-        Under legality alone, without own constraints, the stable poses are all, as in the planner: heights
-        only grow, so what fitted nowhere fits nowhere later.
+        Under legality alone, without limits and own constraints, the stable poses are all, as in the planner:
+        heights only grow, so what fitted nowhere fits nowhere later.
         """
         item, first = self.shelf.prepared[name], self.orientations(name, container)
-        if self.config.mask == "legal" and not self.config.own_constraints:
+        if self.config.mask == "legal" and not (self.config.own_constraints or self.shelf.limited):
             return iter((first,))
         shape, grid = self.shelf.shapes[name], self.config.grid
         groups = perturbations(shape, item.poses, grid, container.size, self._maps)
@@ -107,6 +122,8 @@ class Episode:
             self.sequence.abandon()
         self.arrangement = self._arrangement()
         self.placements: list[Placement] = []
+        self._held = Held()
+        self._refused: dict[Piece, tuple[str, str]] = {}
         self.outside: frozenset[int] = frozenset()
         self.collided = False
         self.offered: CandidateSet | None = None
@@ -173,6 +190,7 @@ class Episode:
         )
         landing = self.arrangement.place(placement, pile)
         self.placements.append(placement)
+        self._held = self.rules.admission.with_item(self._held, piece.item)
         self.sequence.placed()
         self.outside, self.collided = landing.outside, landing.collided
         if landing.collided or landing.lost:
@@ -197,10 +215,11 @@ class Episode:
         if self.barrier is not None:
             reason = "unreachable-container"
             return tuple(Leftover(p.item, p.instance, reason, self.barrier) for p in self.sequence.left_over)
-        return tuple(
-            Leftover(p.item, p.instance, "given-up", f"no candidate of {p.item} was taken")
-            for p in self.sequence.left_over
-        )
+        found = []
+        for p in self.sequence.left_over:
+            untaken = "given-up", f"no candidate of {p.item} was taken"
+            found.append(Leftover(p.item, p.instance, *self._refused.get(p, untaken)))
+        return tuple(found)
 
     def view(self) -> View:
         """What there is to see."""
@@ -235,8 +254,17 @@ class Episode:
 
     def _item_view(self, piece: Piece) -> ItemView:
         prepared, item = self.shelf.prepared[piece.item], self.shelf.items[piece.item]
-        extents = prepared.orientations[0].extents
-        return ItemView(extents, item.volume, item.mass, self.sequence.was_deferred(piece))
+        return ItemView(
+            prepared.orientations[0].extents,
+            item.volume,
+            item.mass,
+            self.sequence.was_deferred(piece),
+            item.limits,
+            self._refusal(piece) is not None,
+        )
+
+    def _refusal(self, piece: Piece) -> tuple[str, str] | None:
+        return self.rules.admission.refusal(piece.item, self._held, self.container)
 
     def _memory(self) -> Memory | None:
         """What other orders asked of the empty container; own constraints may answer each order otherwise."""
@@ -252,7 +280,10 @@ class Episode:
         """Go on to the next item, or group of orientations, that offers a valid candidate."""
         self.offered = None
         while (piece := self.sequence.current) is not None:
-            group = self._orientations(piece)
+            refusal = self._refusal(piece)
+            group = None if refusal is not None else self._orientations(piece)
+            if refusal is not None:
+                self._refused[piece] = refusal
             if group is None:
                 self.sequence.give_up()
             else:

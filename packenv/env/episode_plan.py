@@ -6,6 +6,7 @@ from collections import Counter
 
 from packenv.env.episode import Episode
 from packenv.items.plan_maker import make_plan
+from packenv.limits import NO_LIMITS
 from packenv.planning.packing import Packing
 from packenv.types import OrderLine, Plan
 
@@ -16,8 +17,9 @@ def episode_plan(episode: Episode) -> Plan:
     Scores are those of the first heuristic column, numbers of candidates and rejections what the environment
     asked, whatever the agent looked at. Its settings are those of a planner that asks the same of placements.
     """
-    shelf = episode.shelf
-    lines = tuple(OrderLine(name, qty) for name, qty in Counter(episode.names).items())
+    shelf, limits = episode.shelf, episode.rules.limits
+    counts = Counter(episode.names).items()
+    lines = tuple(OrderLine(name, qty, limits.get(name, NO_LIMITS)) for name, qty in counts)
     volume = sum(shelf.items[p.item].volume for p in episode.placements)
     share = volume / episode.container.volume
     packing = Packing(

@@ -18,6 +18,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from packenv.env.config import PackConfig
+from packenv.limits import ItemLimits
 from packenv.planning.options import heuristic_label
 from packenv.planning.search.container_map import cells_across
 from packenv.types import Container, Float32Array, FloatArray
@@ -57,6 +58,9 @@ ITEM_FEATURES: tuple[str, ...] = (
     "mass",
     "share_filled",
     "deferred",
+    "max_tilt",
+    "bears",
+    "refused",
 )
 """Columns of ``remaining``."""
 
@@ -78,7 +82,7 @@ SUPPORT_CLIP: Final = 0.1
 LARGEST_ITEM: Final = 2.0
 """Sizes of items are clipped to this, m, and their volumes to its cube."""
 HEAVIEST_ITEM: Final = 100.0
-"""Masses are clipped to this, kg."""
+"""Masses, and what items bear, are clipped to this, kg."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +94,16 @@ class ItemView:
         volume: m³.
         mass: kg.
         deferred: whether it was deferred before.
+        limits: what may not be done with it.
+        refused: whether the box takes it no more: kept apart from what is in it, or too heavy beside it.
     """
 
     extents: FloatArray
     volume: float
     mass: float
     deferred: bool
+    limits: ItemLimits
+    refused: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +168,7 @@ class Observer:
         high += [SUPPORT_CLIP, *[1.0] * columns, *[self._most_ranks] * columns]
         high += [*[1.0] * own, *[self._most_ranks] * own]
         item_high = [1.0, *[LARGEST_ITEM] * 3, LARGEST_ITEM**3, HEAVIEST_ITEM, 1.0, 1.0]
+        item_high += [math.pi, HEAVIEST_ITEM, 1.0]
         maps_high = np.empty((poses, 3, side, side))
         maps_high[:, :2], maps_high[:, 2] = height, 1.0
         state_high = [length, width, height, 1.0, 1.0, 1.0, 2.0]
@@ -289,7 +298,9 @@ class Observer:
         table = np.zeros((self.config.max_items, len(ITEM_FEATURES)))
         for row, item in zip(table, items, strict=False):
             box = float(item.extents.prod())
-            row[:] = [1.0, *item.extents, item.volume, item.mass, item.volume / box, item.deferred]
+            row[:8] = [1.0, *item.extents, item.volume, item.mass, item.volume / box, item.deferred]
+            bears = min(item.limits.bears, HEAVIEST_ITEM)  # infinite where there is no limit
+            row[8:] = [math.radians(item.limits.tilt_deg), bears, item.refused]
         return table
 
 

@@ -53,8 +53,9 @@ class PackEnv(gymnasium.Env[Observation, Any]):
       ``height`` of its bounding box, m; ``yaw``, rad; ``pose``, index; its ``probability``; ``perturbed``,
       0 or 1; ``com_height``, m; ``support_margin``, m; then of HM, DBLF, MTA, MinZ and FirstFit
       ``score_<name>``, 0 (best) to 1, and ``rank_<name>`` among all legal candidates, from 0.
-    - ``remaining`` (max_items, 8): of the items to come that are seen: ``present``; ``length``, ``width``,
-      ``height``, m; ``volume``, m³; ``mass``, kg; ``share_filled``; ``deferred``.
+    - ``remaining`` (max_items, 11): of the items to come that are seen: ``present``; ``length``, ``width``,
+      ``height``, m; ``volume``, m³; ``mass``, kg; ``share_filled``; ``deferred``; ``max_tilt``, rad: how far
+      it may lean; ``bears``, kg: what may rest on it; ``refused``: the container takes it no more.
     - ``state`` (7,): ``length``, ``width``, ``height`` of the container, m; ``utilization``;
       ``packed_share``; ``left_share``; ``stage``: 0 first pass, 1 back again, 2 perturbed.
     - ``action_mask`` (K + 1,) int8.
@@ -62,7 +63,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
     ## Masks
 
     ``config["mask"]``: ``legal``: free of overlap and inside the container; ``stable``: also the whole pile
-    is in static equilibrium; ``robot``: also the robot can bring the item there. *Defer* is always allowed.
+    is in static equilibrium; ``robot``: also the robot can bring the item there. Under each of them limits of
+    items hold. *Defer* is always allowed.
 
     ## Reward
 
@@ -137,6 +139,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
         self._generator = make_generator(order_generator, catalogue)
         self._rules = Rules(self.config, self._shelf)
+        self._limited: Rules | None = None
         self._episode: Episode | None = None
         self._drawn: tuple[GeneratedOrder, Container] | None = None
         self._actions: list[int] = []
@@ -288,15 +291,24 @@ class PackEnv(gymnasium.Env[Observation, Any]):
                 f"the order's container {container.label} is larger than those of the configuration "
                 f"({'x'.join(f'{s:g}' for s in self._observer.largest)}): name its size in containers"
             )
-        self._shelf.bring(order.meshes)
-        self._shelf.check_known(order.items)
+        rules = self._rules_for(order)
         self._drawn = (order, container)
         self._actions, self._told, self._invalid_on_end, self._left_over_told = [], [], 0, 0
-        self._episode = Episode(self.config, self._rules, container, order.items)
+        self._episode = Episode(self.config, rules, container, order.items)
         why = self._episode.barrier
         if why is not None and container.size not in self._warned:
             self._warned.add(container.size)
             gymnasium.logger.warn(f"nothing can be packed, so the episode ends at its first step: {why}")
+
+    def _rules_for(self, order: GeneratedOrder) -> Rules:
+        """The rules of an order; those that it sets itself are kept for the next one that sets the same."""
+        self._shelf.bring(order.meshes)
+        self._shelf.check_known((*order.items, *order.limits))
+        if not order.limits:
+            return self._rules
+        if self._limited is None or order.meshes or self._limited.limits != order.limits:
+            self._limited = Rules(self.config, self._shelf.with_limits(order.limits), order.limits)
+        return self._limited
 
     def _observation(self) -> Observation:
         episode = self._running()
@@ -312,7 +324,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         def volume(indices: frozenset[int]) -> float:
             names = (episode.placements[k].item for k in indices)
-            return sum(self._shelf.items[name].volume for name in names) / container.volume
+            return sum(episode.shelf.items[name].volume for name in names) / container.volume
 
         newest = frozenset(range(len(episode.placements) - placed, len(episode.placements)))
         self._told += deepcopy(episode.placements[len(self._told) :])

@@ -28,6 +28,7 @@ class ItemReport:
         mass_estimated: True where no mass was given.
         convexity: volume over the hull's volume.
         text: the problem, the repairs and the notes; empty where there is nothing to say.
+        limits: what may not be done with it, a phrase each.
     """
 
     name: str
@@ -41,6 +42,7 @@ class ItemReport:
     mass_estimated: bool = False
     convexity: float | None = None
     text: str = ""
+    limits: tuple[str, ...] = ()
 
 
 def check_items(
@@ -100,6 +102,7 @@ def _report(catalogue: Catalogue, name: str, sizes: dict[str, float]) -> ItemRep
         item.mass_estimated,
         item.volume / hull_volume(item.vertices),
         "; ".join((*item.repairs, *item.notes)),
+        item.limits.words,
     )
 
 
@@ -159,5 +162,5 @@ def _cells(report: ItemReport) -> tuple[str, ...]:
         f"{report.volume * 1e6:.1f}",
         mass,
         f"{report.convexity:.2f}",
-        report.text,
+        "; ".join(filter(None, (", ".join(report.limits), report.text))),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from packenv.config import GridConfig
@@ -14,7 +15,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import Catalogue
 from packenv.items.parts_files import exact_parts
-from packenv.limits import NO_LIMITS
+from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.planning.options import Geometry
 from packenv.types import Item
 
@@ -210,6 +211,22 @@ class ItemShelf:
         return ItemShelf(
             self.catalogue, grid, geometry, cache=self._cache, field_memory=fields, map_memory=maps
         )
+
+    def with_limits(self, limits: Mapping[str, ItemLimits]) -> ItemShelf:
+        """The shelf of the same items, brought ones included, with further limits on some of them by name."""
+        named = {name: given for name, given in limits.items() if name not in self._brought}
+        fields, maps = self._memories
+        made = ItemShelf(
+            self.catalogue.with_limits(named),
+            self.grid,
+            self.geometry,
+            cache=self._cache,
+            field_memory=fields,
+            map_memory=maps,
+        )
+        brought = self._brought.items()
+        made.bring({n: replace(i, limits=i.limits.joined(limits.get(n, NO_LIMITS))) for n, i in brought})
+        return made
 
     @property
     def limited(self) -> bool:

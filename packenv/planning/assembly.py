@@ -16,7 +16,7 @@ from packenv.planning.admission import Admission
 from packenv.planning.constraints import Constraint
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
-from packenv.planning.options import AUTO, OWN, PlanOptions, StabilityRule
+from packenv.planning.options import AUTO, OWN, STANDS_FOR_AUTO, PlanOptions, StabilityRule
 from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
 from packenv.planning.planner import Planner
 from packenv.planning.portfolio import Packer, Portfolio
@@ -33,8 +33,6 @@ from packenv.types import Container, Item, OrientedItem
 
 MEMBERS = ("minz", "hm", "dblf", "mta")
 """The rules of ``auto``."""
-ALONE = "hm"
-"""The rule in place of ``auto`` where one rule has to do: it is the paper's."""
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
 EACH_WITH_MARGIN = 12
@@ -106,7 +104,7 @@ def heuristic_of(options: PlanOptions) -> Heuristic:
     if not isinstance(given, str):
         label = getattr(given, "__qualname__", type(given).__name__)
         return given if name_of(given) != "own" else OwnHeuristic(given, label)
-    given = ALONE if given == AUTO else given
+    given = STANDS_FOR_AUTO if given == AUTO else given
     if given in HEURISTICS:
         return heuristic_named(given, options.tie_break)
     _refuse_nameless(given, "heuristic")

@@ -32,6 +32,8 @@ Geometry: TypeAlias = Literal["mesh", "parts"]
 _OPTIONS_ARE = "the options are"
 AUTO = "auto"
 """The heuristic that is several rules (:mod:`packenv.planning.portfolio`)."""
+STANDS_FOR_AUTO = "hm"
+"""The rule in place of it where one rule has to do: it is the paper's."""
 SINGLE_RULES = tuple(name for name in get_args(HeuristicName) if name != AUTO)
 """The built-in heuristics that are one rule."""
 OWN = "<own>"

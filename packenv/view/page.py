@@ -15,6 +15,7 @@ import math
 import re
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from packenv.types import FloatArray, IntArray, Item
 from packenv.version import __version__
 from packenv.view.colours import hex_colour, item_colour
 from packenv.view.scene import Scene, SceneStep
+from packenv.view.words import leftover_lines
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
@@ -109,29 +111,19 @@ def _encode(scene: Scene) -> tuple[dict[str, object], bytes]:
     meshes: list[dict[str, object]] = []
     known: dict[str, int] = {}
     steps: list[dict[str, object]] = []
-    names = [s.placement.item for s in scene.steps] + [left.item for left in scene.leftovers]
-    several = {name for name in names if names.count(name) > 1}
     for index, step in enumerate(scene.steps):
         if step.item.sha256 not in known:
             known[step.item.sha256] = len(meshes)
             meshes.append(_encode_mesh(step.item, arrays))
-        steps.append(_encode_step(step, index, known[step.item.sha256], step.placement.item in several))
+        steps.append(_encode_step(step, index, known[step.item.sha256]))
     record: dict[str, object] = {
         "title": scene.title,
         "container": {"size": [float(s) for s in scene.container.size], "label": scene.container.label},
         "meshes": meshes,
         "steps": steps,
         "heightmap": _encode_heightmaps(scene, arrays),
-        "leftovers": [
-            {
-                "item": left.item,
-                "instance": left.instance,
-                "several": left.item in several,
-                "reason": left.reason,
-                "detail": left.detail,
-            }
-            for left in scene.leftovers
-        ],
+        "leftovers": [asdict(line) for line in leftover_lines(scene.leftovers)],
+        "leftover_count": len(scene.leftovers),
         "summary": _summary(scene),
         "executed": bool(scene.verdict),
         "metrics": _plain(scene.metrics),
@@ -149,12 +141,13 @@ def _encode_mesh(item: Item, arrays: _Arrays) -> dict[str, object]:
     }
 
 
-def _encode_step(step: SceneStep, index: int, mesh: int, several: bool) -> dict[str, object]:
+def _encode_step(step: SceneStep, index: int, mesh: int) -> dict[str, object]:
     placement = step.placement
     return {
         "item": placement.item,
         "instance": placement.instance,
-        "several": several,
+        "name": step.name,
+        "limits": step.limits,
         "mesh": mesh,
         "colour": hex_colour(item_colour(index)),
         "matrix": _matrix(placement.rotation, placement.position),
@@ -188,12 +181,12 @@ def _encode_heightmaps(scene: Scene, arrays: _Arrays) -> dict[str, object] | Non
 def _summary(scene: Scene) -> list[tuple[str, str]]:
     """The figures of the page's head, label and text."""
     placed, wanted = len(scene.steps), len(scene.steps) + len(scene.leftovers)
-    size = " × ".join(f"{s:g}" for s in scene.container.size)
     return [
         ("Packed", f"{placed} of {wanted}"),
         ("Utilization", f"{100 * scene.utilization:.1f} %"),
         ("Height", f"{scene.height:.3f} m"),
-        ("Container", f"{size} m"),
+        ("Container", scene.container.full_label),
+        ("Heuristic", scene.heuristic),
         *scene.verdict,
     ]
 

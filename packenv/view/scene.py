@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from packenv.errors import PlanError
 from packenv.types import Container, Float32Array, FloatArray, Item, Leftover, Placement, Plan, Pose
+from packenv.view.words import limit_words, loads_at_end, piece_names, rule_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +27,16 @@ class SceneStep:
             so units belong into the strings.
         measured: where the item lies after an execution: (3, 3) mesh frame to container frame and (3,) m;
             None where it was not placed, or nothing was executed.
+        name: of the piece, as people read it.
+        limits: what may not be done with it, and what rests on it in the end, a phrase each.
     """
 
     placement: Placement
     item: Item
     figures: Mapping[str, object] = field(default_factory=dict)
     measured: Pose | None = None
+    name: str = ""
+    limits: tuple[str, ...] = ()
 
     @property
     def vertices(self) -> FloatArray:
@@ -55,6 +60,7 @@ class Scene:
         settings: the configuration that produced the plan.
         verdict: what came of an execution, label and text of each figure; empty where there was none. Then
             measured poses are shown, and the planned ones beside them.
+        heuristic: what made the plan, in words.
     """
 
     container: Container
@@ -66,6 +72,7 @@ class Scene:
     metrics: Mapping[str, object] = field(default_factory=dict)
     settings: Mapping[str, object] = field(default_factory=dict)
     verdict: tuple[tuple[str, str], ...] = ()
+    heuristic: str = ""
 
     @property
     def utilization(self) -> float:
@@ -112,14 +119,17 @@ def build_scene(
             raise ValueError(f"{label}: {given} given for {count} placements, give one for each or none")
     extras: Sequence[Mapping[str, object]] = extra_figures or [{}] * count
     steps = []
-    for placement, extra in zip(plan.placements, extras, strict=True):
+    names, loads = piece_names(plan.placements), loads_at_end(plan.placements)
+    for number, (placement, name, extra) in enumerate(zip(plan.placements, names, extras, strict=True), 1):
         if placement.item not in items:
             raise PlanError(
                 f"the plan places {placement.item!r}, which the catalogue does not hold: "
                 "give the catalogue that the plan was made with"
             )
         item = items[placement.item]
-        steps.append(SceneStep(placement, item, {**_placement_figures(placement, item), **extra}))
+        figures = {**_placement_figures(placement, item), **extra}
+        limits = limit_words(item, loads.get(number))
+        steps.append(SceneStep(placement, item, figures, name=name, limits=limits))
     maps = []
     for given_map in heightmaps:
         array = np.array(given_map, dtype=np.float32)
@@ -137,6 +147,7 @@ def build_scene(
             **{name: "none" if value in (None, []) else value for name, value in plan.settings.items()},
             "made_by": plan.made_by,
         },
+        heuristic=rule_words(plan),
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from packenv.agents import make
 from packenv.errors import InputError
+from tests.env_samples import make_env
 from tests.observation_samples import PIXEL, observations
 
 torch = pytest.importorskip("torch", reason="the learned agent needs torch (pip install 'robotpack[train]')")
@@ -131,6 +132,22 @@ def test_a_trusted_zip_that_is_none_is_one_line(tmp_path):
     path.write_bytes(b"not a zip")
     with pytest.raises(InputError, match="MaskablePPO cannot read it"):
         LearnedAgent(path, trust=True)
+
+
+def test_a_zip_of_other_observations_is_one_line(tmp_path):
+    contrib = pytest.importorskip("sb3_contrib", reason="reading its zips needs sb3-contrib")
+    env = make_env(mask="legal")
+    seen, _ = env.reset(seed=0)
+    path = tmp_path / "model.zip"
+    contrib.MaskablePPO("MultiInputPolicy", env, n_steps=8, batch_size=8, device="cpu").save(path)
+    agent = LearnedAgent(path, trust=True)
+    assert seen["action_mask"][agent.act(seen, {})] == 1
+    # As of the version before items had limits.
+    older = {**seen, "remaining": seen["remaining"][:, :8]}
+    with pytest.raises(InputError, match=r"model.zip: was trained on .* 'remaining' is \(8, 11\)") as caught:
+        agent.act(older, {})
+    assert "\n" not in str(caught.value)
+    env.close()
 
 
 def test_a_package_that_is_not_installed_is_one_line(policy, monkeypatch):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 from packenv.config import GridConfig
 from packenv.env.observation import HEURISTIC_COLUMNS
+from packenv.env.orders import GeneratedOrder
 from packenv.env.pack_env import PackEnv
 from packenv.items.catalogue import open_catalogue
 from packenv.items.shelf import ItemShelf
+from packenv.limits import ItemLimits
 from packenv.planning.assembly import assemble
 from packenv.planning.constraints import Constraint
 from packenv.planning.options import Constraints, HeightRule, PlanOptions
@@ -23,8 +26,20 @@ from tests.env_samples import COARSE, ITEMS, best_action
 from tests.planning.own_rules import Apart
 
 GRID = GridConfig(**COARSE)
+NONE: Mapping[str, ItemLimits] = MappingProxyType({})
 WORDS: dict[str, Constraints] = {"legal": "overlap", "stable": "stability", "robot": "robot"}
 MORE = (*ITEMS, "cracker_box", "apple", "banana", "mug", "scissors", "rubber_duck", "pudding_box", "spoon")
+
+
+class Given:
+    """Gives the order that it was told of last."""
+
+    def __init__(self, limits: Mapping[str, ItemLimits]) -> None:
+        self.items: Sequence[str] = ()
+        self.limits = limits
+
+    def generate(self, rng: np.random.Generator) -> GeneratedOrder:
+        return GeneratedOrder(tuple(self.items), limits=self.limits)
 
 
 def planned(
@@ -35,8 +50,9 @@ def planned(
     most: int,
     own: Sequence[str | Constraint] = (),
     heights: HeightRule = "map",
+    limits: Mapping[str, ItemLimits] = NONE,
 ) -> Packing:
-    shelf = ItemShelf(open_catalogue("builtin"), GRID)
+    shelf = ItemShelf(open_catalogue("builtin"), GRID).with_limits(limits)
     box = Container(*size)
     options = PlanOptions(
         heuristic,
@@ -71,6 +87,7 @@ def compare(
     heuristics: Sequence[str] = HEURISTIC_COLUMNS,
     own: Sequence[str | Constraint] = (),
     heights: HeightRule = "map",
+    limits: Mapping[str, ItemLimits] = NONE,
 ) -> set[str]:
     """Place orders by either; returns the routes that were used.
 
@@ -83,6 +100,7 @@ def compare(
         heuristics: that take turns; what is no column is given to the environment.
         own: constraints of the user's own.
         heights: how low items come.
+        limits: of the orders.
     """
     settings = {
         "mask": mask,
@@ -94,24 +112,30 @@ def compare(
         "own_constraints": list(own),
         "heights": heights,
     }
-    env = PackEnv(settings)
+    generator = Given(limits)
+    env = PackEnv(settings, order_generator=generator)
     rng = np.random.default_rng(seed)
     routes = set()
     for k in range(orders):
         heuristic = heuristics[k % len(heuristics)]
-        order = [str(name) for name in rng.choice(MORE, 7)]
-        obs, _ = env.reset(options={"order": order})
+        generator.items = order = [str(name) for name in rng.choice(MORE, 7)]
+        obs, _ = env.reset()
         ended = False
         while not ended:
             obs, _, ended, _, _ = env.step(
                 best_action(obs, heuristic, most, env.unwrapped._observer.features)
             )
-        packing = planned(order, heuristic, mask, size, most, own, heights)
+        packing = planned(order, heuristic, mask, size, most, own, heights, limits)
         ours = env.plan()
         assert [told(p) for p in ours.placements] == [told(p) for p in packing.placements], (k, heuristic)
         assert [(x.item, x.instance) for x in ours.leftovers] == [
             (x.item, x.instance) for x in packing.leftovers
         ]
+        apart = [
+            [(x.item, x.instance, x.detail) for x in leftovers if x.reason == "kept-apart"]
+            for leftovers in (ours.leftovers, packing.leftovers)
+        ]
+        assert apart[0] == apart[1]
         for name in ("Low", "Apart"):
             assert [p.details.get(name) for p in ours.placements] == [
                 p.details.get(name) for p in packing.placements
@@ -135,6 +159,19 @@ def test_the_environment_holds_the_planner(mask: str, size: tuple[float, float, 
 @pytest.mark.parametrize("mask", ["legal", "stable", "robot"])
 def test_items_come_as_low_as_in_the_planner(mask: str) -> None:
     compare(mask, (0.18, 0.18, 0.12), 4, seed=0, heights="mesh")
+
+
+@pytest.mark.parametrize(("mask", "orders"), [("legal", 8), ("stable", 4), ("robot", 3)])
+def test_limits_are_kept_as_in_the_planner(mask: str, orders: int) -> None:
+    limits = {
+        "mug": ItemLimits(upright=True, fragile=True, keep_apart="glass"),
+        "cracker_box": ItemLimits(max_load_kg=0.1),
+        "tuna_can": ItemLimits(keep_apart="food"),
+        "apple": ItemLimits(keep_apart="food"),
+        "rubber_duck": ItemLimits(upright=True),
+        "gelatin_box": ItemLimits(fragile=True),
+    }
+    compare(mask, (0.18, 0.18, 0.12), orders, seed=7, limits=limits)
 
 
 def test_perturbed_orientations_come_as_in_the_planner() -> None:

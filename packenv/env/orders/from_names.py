@@ -83,11 +83,11 @@ class ReplayedOrders:
     one, so the seed fixes what follows, as with any other generator.
 
     Attributes:
-        orders: names of the pieces, order by order.
+        orders: one after another.
         shuffle: draw which order comes instead: for environments that run side by side.
     """
 
-    orders: tuple[tuple[str, ...], ...]
+    orders: tuple[GeneratedOrder, ...]
     shuffle: bool = False
     _next: int = field(default=0, init=False, repr=False)
     _last: np.random.Generator | None = field(default=None, init=False, repr=False)
@@ -95,9 +95,9 @@ class ReplayedOrders:
     def generate(self, rng: np.random.Generator) -> GeneratedOrder:
         """The next order, or a drawn one."""
         if self.shuffle:
-            return GeneratedOrder(self.orders[int(rng.integers(len(self.orders)))])
+            return self.orders[int(rng.integers(len(self.orders)))]
         if rng is not self._last:
             self._next, self._last = 0, rng
-        items = self.orders[self._next]
+        order = self.orders[self._next]
         self._next = (self._next + 1) % len(self.orders)
-        return GeneratedOrder(items)
+        return order

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from packenv.env.orders.cuts import CUTS
 from packenv.env.orders.from_names import ListedOrder, RandomOrders, ReplayedOrders, is_test_item
-from packenv.env.orders.records import OrderGenerator
+from packenv.env.orders.records import GeneratedOrder, OrderGenerator
 from packenv.env.orders.toys import DEFAULT_CONTAINER, MOST_PIECES, ToyOrders
 from packenv.errors import InputError, OrderError, closest_item
 from packenv.io.orders import MAX_PIECES, read_order
@@ -38,7 +38,7 @@ def from_spec(spec: Mapping[str, object], catalogue: Names) -> OrderGenerator:
 
     ``{"kind": "list", "items": [...]}`` gives these items every time.
 
-    ``{"kind": "file", "path": ...}`` replays order files (CSV or JSON):
+    ``{"kind": "file", "path": ...}`` replays order files (CSV or JSON), the limits that they set included:
 
     - ``path``: a file, a folder (its .csv and .json files by name), or a list of both;
     - ``shuffle`` (false): draw one of them instead of taking turns.
@@ -141,8 +141,9 @@ def _file(table: Table, catalogue: Names) -> OrderGenerator:
     one = isinstance(value, str) and value
     given = [value] if one else _texts(table, "path", "an order file, a folder of them, or a list of both")
     paths = [path for text in given for path in _order_files(Path(text))]
-    orders = tuple(read_order(path, tuple(catalogue)).names for path in paths)
-    return ReplayedOrders(orders, table.flag("shuffle"))
+    orders = [read_order(path, tuple(catalogue)) for path in paths]
+    generated = tuple(GeneratedOrder(order.names, limits=order.limits) for order in orders)
+    return ReplayedOrders(generated, table.flag("shuffle"))
 
 
 def _order_files(path: Path) -> list[Path]:

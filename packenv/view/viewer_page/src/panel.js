@@ -36,9 +36,6 @@ export function figures(record) {
   return list;
 }
 
-/** Name of a placed or leftover item; its number among equals where there are several. */
-const nameOf = (record) => (record.several ? `${record.item} (${record.instance})` : record.item);
-
 export class Panel {
   constructor(data, state) {
     this.data = data;
@@ -50,11 +47,11 @@ export class Panel {
       $('summary').append(element('div', {}, element('dt', {}, term), element('dd', {}, value)));
     }
     $('leftovers-section').hidden = data.leftovers.length === 0;
-    $('leftovers-count').textContent = String(data.leftovers.length);
+    $('leftovers-count').textContent = String(data.leftover_count);
     for (const record of data.leftovers) {
       const reason = element('span', { class: 'reason' }, label(record.reason.replaceAll('-', '_')));
       $('leftovers').append(
-        element('li', {}, element('strong', {}, nameOf(record)), reason, element('p', {}, record.detail)),
+        element('li', {}, element('strong', {}, record.name), reason, element('p', {}, record.detail)),
       );
     }
     for (const part of ['metrics', 'settings']) {
@@ -75,9 +72,10 @@ export class Panel {
       { type: 'button', class: 'select' },
       element('span', { class: 'number' }, String(index + 1)),
       swatch,
-      element('span', { class: 'name' }, nameOf(step)),
+      element('span', { class: 'name' }, step.name),
     );
-    select.title = nameOf(step);
+    if (step.limits.length) select.lastChild.append(element('span', { class: 'limits' }, step.limits.join(' · ')));
+    select.title = [step.name, ...step.limits].join(' · ');
     select.addEventListener('click', () => state.select(index));
     const eye = element('button', { type: 'button', class: 'eye' }, eyeIcon());
     eye.addEventListener('click', () => state.toggleHidden(index));
@@ -93,7 +91,7 @@ export class Panel {
       row.host.classList.toggle('later', index >= state.step);
       row.host.classList.toggle('hidden-item', hidden);
       row.select.setAttribute('aria-expanded', String(current));
-      const name = nameOf(this.data.steps[index]);
+      const { name } = this.data.steps[index];
       row.eye.setAttribute('aria-label', `${hidden ? 'Show' : 'Hide'} ${name}`);
       row.eye.title = hidden ? 'Show' : 'Hide';
       if (current && !row.detail) {
@@ -113,7 +111,7 @@ export class Panel {
     }
     const count = this.data.steps.length;
     this.slider.value = String(state.step);
-    const last = state.step > 0 ? nameOf(this.data.steps[state.step - 1]) : 'empty';
+    const last = state.step > 0 ? this.data.steps[state.step - 1].name : 'empty';
     const detail = element('span', { class: 'detail' }, ` · ${last}`);
     this.caption.replaceChildren(`Step ${state.step} of ${count}`, detail);
     this.slider.setAttribute('aria-valuetext', `Step ${state.step} of ${count}, ${last}`);

@@ -1,0 +1,76 @@
+"""What was packed, in the words that the page and the terminal share."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from packenv.planning.options import AUTO, SINGLE_RULES, STANDS_FOR_AUTO
+from packenv.types import Item, Leftover, Placement, Plan
+
+
+@dataclass(frozen=True)
+class LeftoverLine:
+    """Pieces of one item that were left over for one reason.
+
+    Attributes:
+        name: of the item, and how many where there are several.
+        reason: a word for programs.
+        detail: one sentence for people.
+    """
+
+    name: str
+    reason: str
+    detail: str
+
+
+def leftover_lines(leftovers: Sequence[Leftover]) -> tuple[LeftoverLine, ...]:
+    """What was left over, equal pieces in one line."""
+    same = Counter((left.item, left.reason, left.detail) for left in leftovers)
+    return tuple(
+        LeftoverLine(item if n == 1 else f"{item} x {n}", reason, detail)
+        for (item, reason, detail), n in same.items()
+    )
+
+
+def piece_names(placements: Sequence[Placement]) -> tuple[str, ...]:
+    """The name of each placed piece, with its number where several of its item are placed."""
+    counts = Counter(p.item for p in placements)
+    return tuple(p.item if counts[p.item] == 1 else f"{p.item} ({p.instance})" for p in placements)
+
+
+def rule_words(plan: Plan) -> str:
+    """The heuristic that made a plan, beside the one that was asked for; ``agent`` where an agent made it."""
+    if plan.made_by == "agent":
+        return plan.made_by
+    asked = str(plan.settings.get("heuristic", "?"))
+    made = next((word for word in plan.made_by.split() if word in SINGLE_RULES), None)
+    made = made or (STANDS_FOR_AUTO if asked == AUTO else asked)
+    if made == asked:
+        return asked
+    return f"{made} (auto)" if asked == AUTO else f"{made} (in place of {asked})"
+
+
+def loads_at_end(placements: Sequence[Placement]) -> dict[int, float]:
+    """What rests on limited items in the end, at most, by step from 1, kg; empty where a plan does not tell."""
+    details = placements[-1].details if placements else {}
+    told = next((d["loads"] for d in details.values() if isinstance(d, Mapping) and "loads" in d), ())
+    try:
+        return {int(load["step"]): float(load["kg"]) for load in told}
+    except (KeyError, TypeError, ValueError):
+        return {}  # a file may hold anything
+
+
+def limit_words(item: Item, load: float | None) -> tuple[str, ...]:
+    """The limits of a placed item, and how far its load is used up.
+
+    Args:
+        item: the item.
+        load: what rests on it, kg; None where that is not known.
+    """
+    words, bears = item.limits.words, item.limits.bears
+    if load is None or math.isinf(bears) or bears == load == 0.0:
+        return words
+    return (*words, f"{load:.2g} of {bears:g} kg on it" if load else "nothing on it")
