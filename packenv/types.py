@@ -480,6 +480,7 @@ class MeshRecord:
         mass_estimated: as in :class:`Item`.
         limits: what may not be done with the item.
         envelope_sha256: of the item's envelope, the surface that was planned with; None where that is the mesh.
+        friction: as in :class:`Item`.
     """
 
     file: str
@@ -489,6 +490,7 @@ class MeshRecord:
     mass_estimated: bool
     limits: ItemLimits = NO_LIMITS
     envelope_sha256: str | None = None
+    friction: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -597,6 +599,8 @@ class Contacts:
         first: (k,) int64 body that pushes; the opposite force acts on it.
         second: (k,) int64 body that is pushed; never 0.
         gaps: (k,) distance between the two surfaces at the contact, m; negative where they are in each other.
+        mu: (k,) coefficient of friction where surfaces have their own; None: the same at all, as whoever asks
+            says. NaN: likewise, for one contact.
     """
 
     points: FloatArray
@@ -604,7 +608,19 @@ class Contacts:
     first: IntArray
     second: IntArray
     gaps: FloatArray
+    mu: FloatArray | None = None
 
     def __len__(self) -> int:
         """Number of contacts."""
         return len(self.points)
+
+    def take(self, which: BoolArray | IntArray) -> Contacts:
+        """Some of the contacts: (k,) bool, or indices."""
+        return Contacts(
+            self.points[which],
+            self.normals[which],
+            self.first[which],
+            self.second[which],
+            self.gaps[which],
+            None if self.mu is None else self.mu[which],
+        )

@@ -103,8 +103,9 @@ def _step_to_json(step: int, placement: Placement) -> dict[str, Any]:
 def _mesh_to_json(mesh: MeshRecord) -> dict[str, Any]:
     document = {f.name: getattr(mesh, f.name) for f in fields(mesh)}
     del document["limits"]
-    if mesh.envelope_sha256 is None:
-        del document["envelope_sha256"]
+    for optional in ("envelope_sha256", "friction"):
+        if document[optional] is None:
+            del document[optional]
     return {**document, **_limits_to_json(mesh.limits)}
 
 
@@ -282,7 +283,7 @@ class Reader:
 
     def mesh(self, row: object, where: str) -> MeshRecord:
         """What a plan keeps of a mesh."""
-        on_parts = isinstance(row, Mapping) and "envelope_sha256" in row
+        given = row if isinstance(row, Mapping) else {}
         return MeshRecord(
             self.text(row, "file", where),
             self.text(row, "sha256", where),
@@ -290,7 +291,8 @@ class Reader:
             self.positive(row, "mass", where),
             bool(self.get(row, "mass_estimated", where)),
             self.limits(row, where),
-            self.text(row, "envelope_sha256", where) if on_parts else None,
+            self.text(row, "envelope_sha256", where) if "envelope_sha256" in given else None,
+            self.positive(row, "friction", where) if "friction" in given else None,
         )
 
     def limits(self, row: object, where: str) -> ItemLimits:

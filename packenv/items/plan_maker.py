@@ -67,6 +67,13 @@ def mesh_records(names: Iterable[str], shelf: ItemShelf) -> dict[str, MeshRecord
         item = shelf.items[name]
         envelope = shelf.shapes[name].sha256 if shelf.geometry == "parts" else None
         records[name] = MeshRecord(
-            item.file, item.sha256, item.volume, item.mass, item.mass_estimated, item.limits, envelope
+            item.file,
+            item.sha256,
+            item.volume,
+            item.mass,
+            item.mass_estimated,
+            item.limits,
+            envelope,
+            item.friction,
         )
     return records

@@ -160,14 +160,14 @@ def constraints_of(
     """
     found: list[Constraint] = [UprightConstraint(items.prepared)] if items.limited else []
     rule = margin_rule(options.stability)
-    contacts = contact_finder(options.contacts, tight=rule is not None)
+    contacts = contact_finder(options.contacts, options.setup.friction, tight=rule is not None)
     loads = LoadLimits(items.shapes, items.fields, contacts) if items.limited else None
     if options.constraints != "overlap":
         checker = StabilityChecker(options.setup.friction)
         found.append(
             StabilityConstraint(
                 items.fields,
-                items.masses,
+                items.shapes,
                 checker,
                 rule,
                 options.contacts,

@@ -24,7 +24,7 @@ RIM_CLEARANCE: Final = 0.01
 RELEASE_HEIGHT: Final = 0.01
 """How far above its place an item is let go, m (paper Sec. V)."""
 FRICTION: Final = 0.7
-"""Coefficient of friction between any two surfaces (paper Sec. V)."""
+"""Coefficient of friction of surfaces that have none of their own (paper Sec. V)."""
 WAYPOINT_STEP: Final = 0.02
 """Default distance of waypoints on a straight path, m."""
 _PICK_BEYOND: Final = 0.16
@@ -64,7 +64,7 @@ class CellSetup:
             robot, ``near_edge`` away, for a container of any size.
         pick: where an item waits: the middle of the underside of its bounding box, in the base frame, and its
             turn against the orientation that is planned; None: beside the robot, see :attr:`pick_place`.
-        friction: coefficient between any two surfaces, in planning and in physics.
+        friction: coefficient of the container, and of items without their own, in planning and in physics.
         release_height: how far above its place an item is let go, m, at most ``rim_clearance``.
         rim_clearance: what a held item keeps above the rim before it goes over the container, m.
     """

@@ -34,21 +34,24 @@ class Gripper:
         length: flange to the cup's lip, m.
         radius: of tube and cup, m.
         mass: kg.
-        payload: the heaviest item that it holds, kg: what its maker says, with the vacuum that there is and a
-            safety factor. None takes what no cup of this size can hold more than, see :attr:`heaviest`.
+        payload: the heaviest item that it holds, kg, where that is known. None works it out, see :attr:`heaviest`.
+        vacuum: how far the pressure under the cup is below that of the air, Pa; full vacuum by default.
+        safety: factor by which the cup must hold more than the item weighs; 1 by default, the physical limit.
     """
 
     length: float = 0.30
     radius: float = CUP_RADIUS
     mass: float = 0.25
     payload: float | None = None
+    vacuum: float = ATMOSPHERE
+    safety: float = 1.0
 
     @property
     def heaviest(self) -> float:
-        """No heavier item is planned, kg: the payload, or what the air carries on the cup at full vacuum."""
+        """No heavier item is planned, kg: the payload, or what the air carries on the cup, over the safety factor."""
         if self.payload is not None:
             return self.payload
-        return ATMOSPHERE * math.pi * self.radius**2 / GRAVITY
+        return self.vacuum * math.pi * self.radius**2 / GRAVITY / self.safety
 
     def tool_to_flange(self, tool_poses: FloatArray) -> FloatArray:
         """Flange poses that bring the tool to given poses.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from packenv.robot import kinematics
-from packenv.robot.gripper import Gripper
+from packenv.robot.gripper import ATMOSPHERE, Gripper
 from packenv.robot.protocol import MAX_STEP, Branches, PathBranches, Robot
 from packenv.robot.shapes import LinkShapes, Primitive
 from packenv.robot.urdf import urdf_text
@@ -254,12 +254,14 @@ def _shape(part: Primitive) -> dict[str, Any]:
 
 def gripper_to_mapping(gripper: Gripper) -> dict[str, Any]:
     """A gripper as JSON has it."""
-    return {
+    plain = {
         "length_m": gripper.length,
         "radius_m": gripper.radius,
         "mass_kg": gripper.mass,
         "payload_kg": gripper.payload,
     }
+    vacuum = {} if gripper.vacuum == ATMOSPHERE else {"vacuum_kpa": gripper.vacuum / 1000.0}
+    return plain | vacuum | ({} if gripper.safety == 1.0 else {"safety_factor": gripper.safety})
 
 
 def _poses(poses: FloatArray) -> FloatArray:

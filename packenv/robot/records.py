@@ -7,12 +7,14 @@ from typing import Any
 
 from packenv.errors import InputError
 from packenv.json_table import Table
-from packenv.robot.gripper import Gripper
+from packenv.robot.gripper import ATMOSPHERE, Gripper
 from packenv.robot.opw import Joint, Lengths, OpwArm
 from packenv.robot.shapes import Primitive
 
 _REACH = 10.0
 """No arm here is longer, m."""
+_SAFEST = 100.0
+"""No safety factor is larger."""
 
 
 def robot_from(record: object, where: str) -> OpwArm:
@@ -66,12 +68,18 @@ def gripper_from(record: object, where: str) -> Gripper:
     Raises:
         InputError: a key is unknown or missing, or a value is wrong.
     """
-    table = Table(record, where, "length_m radius_m mass_kg", "payload_kg")
+    table = Table(record, where, "length_m radius_m mass_kg", "payload_kg vacuum_kpa safety_factor")
+    given = {}
+    if "vacuum_kpa" in table:
+        given["vacuum"] = 1000.0 * table.number("vacuum_kpa", 0.0, ATMOSPHERE / 1000.0, above=True)
+    if "safety_factor" in table:
+        given["safety"] = table.number("safety_factor", 1.0, _SAFEST)
     return Gripper(
         length=table.number("length_m", 0.0, 2.0, above=True),
         radius=table.number("radius_m", 0.0, 0.5, above=True),
         mass=table.number("mass_kg", 0.0, 1000.0, above=True),
         payload=table.optional_number("payload_kg", 0.0),
+        **given,
     )
 
 

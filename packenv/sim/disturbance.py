@@ -23,7 +23,8 @@ class Disturbance:
 
     Attributes:
         seed: of all draws.
-        mu: range of the friction coefficient, even, where the nominal one is 0.7; else in proportion.
+        mu: range of the friction coefficient, even, where the nominal one is 0.7; else in proportion, as of items
+            that have their own.
         mass: largest relative error of a mass, even.
         offset: standard deviation of where an item hangs in the cup, along x and along y, m.
         yaw: standard deviation of how it is turned there, rad.
@@ -39,7 +40,7 @@ class Disturbance:
 
     def config(self, config: ExecutionConfig) -> ExecutionConfig:
         """The settings of the disturbed world."""
-        mu = float(np.random.default_rng([self.seed, 0]).uniform(*self.mu)) * (config.world.mu / FRICTION)
+        mu = self._drawn() * (config.world.mu / FRICTION)
         return replace(config, world=replace(config.world, mu=mu, time_step=self.time_step))
 
     def task(self, task: PlacementTask, step: int) -> PlacementTask:
@@ -48,7 +49,13 @@ class Disturbance:
         factor = 1.0 + float(rng.uniform(-self.mass, self.mass))
         away = rng.normal(0.0, self.offset, 2)
         turn = yaw_rotation(float(rng.normal(0.0, self.yaw)))
-        return replace(task, item=task.item.heavier(factor), slip=_about(task, turn, away))
+        item = task.item.heavier(factor)
+        if item.friction is not None:
+            item = replace(item, friction=item.friction * (self._drawn() / FRICTION))
+        return replace(task, item=item, slip=_about(task, turn, away))
+
+    def _drawn(self) -> float:
+        return float(np.random.default_rng([self.seed, 0]).uniform(*self.mu))
 
 
 def _about(task: PlacementTask, turn: FloatArray, away: FloatArray) -> FloatArray:

@@ -20,13 +20,15 @@ class PhysicsItem:
     Attributes:
         name: of the item.
         mass: kg.
-        moments: (3,) principal moments of inertia about the centre of mass, kg m².
+        moments: (3,) principal moments of inertia, kg m²: those of uniform density, also where the centre of mass is
+            stated to be elsewhere. How the mass is then spread nobody said, so there is no other figure to take.
         com: (3,) centre of mass in the mesh frame, m.
         axes: (3, 3) body frame to mesh frame.
         parts: (k, 3) vertices of each convex part in the body frame, m; empty for a ball.
         radius: of a ball, m; 0 where the item is none.
         ball_centre: (3,) in the body frame, m.
         reach: largest distance of a point of the item from its centre of mass, m.
+        friction: coefficient of its surface; None takes the world's.
     """
 
     name: str
@@ -38,6 +40,7 @@ class PhysicsItem:
     radius: float
     ball_centre: FloatArray
     reach: float
+    friction: float | None = None
 
     @classmethod
     def of_item(cls, item: Item, convex: ConvexParts) -> PhysicsItem:
@@ -59,6 +62,7 @@ class PhysicsItem:
             0.0 if ball is None else ball.radius,
             centre,
             reach,
+            item.friction,
         )
 
     def body_pose(self, rotation: FloatArray, position: FloatArray) -> Pose:

@@ -44,7 +44,7 @@ class WorldConfig:
     """The settings of a world.
 
     Attributes:
-        mu: coefficient of friction between any two surfaces.
+        mu: coefficient of friction of the container, and of items without their own.
         rolling: lever arm of rolling resistance, m: a ball under the load N feels the torque N · rolling.
         time_step: s.
         iterations: most of the contact solver, a step. A light item under a heavy one needs many: with too
@@ -101,7 +101,7 @@ class World(Closing):
         self.container = container
         self.time = 0.0
         self.time_step = self.config.time_step
-        self._mu = self.config.mu
+        self._mu = self._top = self.config.mu
         self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         self._folder = Path(tempfile.mkdtemp(prefix="robotpack-"))
         self._free = weakref.finalize(self, _free, self._client, self._folder)
@@ -124,6 +124,8 @@ class World(Closing):
             body: (*np.subtract(centre, half).tolist(), *np.add(centre, half).tolist())
             for body, (half, centre) in zip(self.fixed, boxes, strict=True)
         }
+        for body in self.fixed:
+            p.changeDynamics(body, -1, **self._surface(body), physicsClientId=c)
         self._bounds: dict[int, _Bounds] = {}
         if gui:
             self._arrange_window()
@@ -173,10 +175,10 @@ class World(Closing):
             localInertiaDiagonal=(item.moments * SCALE**2).tolist(),
             linearDamping=0.0,
             angularDamping=0.0,
-            **self._surface(),
             physicsClientId=c,
         )
         self._items[body] = item
+        self._rub(body)
         self.move(body, rotation, position)
         return int(body)
 
@@ -194,6 +196,7 @@ class World(Closing):
         pybullet.removeBody(body, physicsClientId=self._client)
         del self._items[body]
         self._bounds.pop(body, None)
+        self._rub()
 
     def sleep(self) -> None:
         """Hold every item where it is until something touches it, or :meth:`wake`: for a world at rest.
@@ -228,13 +231,22 @@ class World(Closing):
         pybullet.setPhysicsEngineParameter(fixedTimeStep=self.time_step, physicsClientId=self._client)
 
     def rub(self, mu: float | None) -> None:
-        """Go on with another coefficient of friction; None: with the configured one."""
-        mu = self.config.mu if mu is None else mu
-        if mu == self._mu:
-            return
-        self._mu = mu
-        for body in (*self.fixed, *self._items):
-            pybullet.changeDynamics(body, -1, **self._surface(), physicsClientId=self._client)
+        """Go on with another coefficient of friction, the most of any item; None: with the configured one."""
+        self._mu = self.config.mu if mu is None else mu
+        self._rub()
+
+    def _rub(self, new: int | None = None) -> None:
+        """Tell Bullet of friction: of the new body alone, where it changes nothing of the others."""
+        top = max(map(self._friction, self._items), default=self._mu)
+        bodies = (*self.fixed, *self._items) if top != self._top else () if new is None else (new,)
+        self._top = top
+        for body in bodies:
+            pybullet.changeDynamics(body, -1, **self._surface(body), physicsClientId=self._client)
+
+    def _friction(self, body: int) -> float:
+        """What a body is meant to have with the container."""
+        own = self._items[body].friction if body in self._items else None
+        return self._mu if own is None else min(own, self._mu)
 
     def pose(self, body: int) -> Pose:
         """(3, 3) and (3,) of a body's mesh frame, m."""
@@ -314,10 +326,18 @@ class World(Closing):
         for link in range(-1, p.getNumJoints(body, physicsClientId=c)):
             p.setCollisionFilterGroupMask(body, link, 1 if mask else 0, mask, physicsClientId=c)
 
-    def _surface(self) -> dict[str, float]:
-        """Friction of one body: Bullet multiplies the two of a contact, and adds rolling crosswise."""
-        own = math.sqrt(self._mu)
-        rolling = self.config.rolling * SCALE / (2.0 * own) if own > 0.0 else 0.0
+    def _surface(self, body: int) -> dict[str, float]:
+        """Friction of one body: Bullet multiplies the two of a contact, and adds rolling crosswise.
+
+        Where coefficients differ, no factor of each body makes the lesser of two of every product. With t the
+        largest one of the items here (at most the container's), the container has √t and an item of μ has μ / √t.
+        So an item and the container have μ, two items μ₁ μ₂ / t: the lesser where either has t, less than that
+        otherwise, never more. Rolling resistance is between half and all of what is configured, at least where
+        one surface is the container or an item of t.
+        """
+        root = math.sqrt(self._top)
+        own = root if body in self.fixed or not root else root * (self._friction(body) / self._top)
+        rolling = self.config.rolling * SCALE / (2.0 * root) if root > 0.0 else 0.0
         anchor = {"frictionAnchor": 1} if self.config.anchored else {}
         return {"lateralFriction": own, "rollingFriction": rolling, "restitution": 0.0, **anchor}
 
@@ -349,7 +369,6 @@ class World(Closing):
         p, c = pybullet, self._client
         shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=[h * SCALE for h in half], physicsClientId=c)
         body = p.createMultiBody(0.0, shape, basePosition=[x * SCALE for x in centre], physicsClientId=c)
-        p.changeDynamics(body, -1, **self._surface(), physicsClientId=c)
         return int(body)
 
 

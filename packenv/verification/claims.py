@@ -63,6 +63,7 @@ def _of_meshes(plan: Plan, items: Mapping[str, Item]) -> Iterator[tuple[str, obj
             yield f"meshes.{name}.volume", record.volume, item.volume
             yield f"meshes.{name}.mass", record.mass, item.mass
             yield f"meshes.{name}.mass_estimated", float(record.mass_estimated), float(item.mass_estimated)
+            yield f"meshes.{name}.friction", record.friction, item.friction
             yield f"meshes.{name}.limits", record.limits.to_mapping(), item.limits.to_mapping()
 
 

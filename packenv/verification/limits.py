@@ -73,8 +73,8 @@ def _mixed(plan: Plan, shapes: Mapping[str, Item]) -> Iterator[BrokenLimit]:
 def _overloaded(
     plan: Plan, shapes: Mapping[str, Item], fields: Mapping[str, SurfaceField], options: PlanOptions
 ) -> Iterator[BrokenLimit]:
-    find = contact_finder(options.contacts, tight=False)
     checker = StabilityChecker(options.setup.friction)
+    find = contact_finder(options.contacts, checker.mu, tight=False)
     items: list[Resting] = []
     bodies: list[Body] = []
     rests_on: tuple[frozenset[int], ...] = ()
@@ -82,7 +82,9 @@ def _overloaded(
     told: set[int] = set()
     for step, placement in enumerate(plan.placements, start=1):
         items.append(Resting(shapes[placement.item], placement.rotation, placement.position))
-        body = Body(fields[placement.item], placement.rotation, placement.position)
+        body = Body(
+            fields[placement.item], placement.rotation, placement.position, friction=items[-1].item.friction
+        )
         own = find(body, bodies, plan.container, step)
         bodies.append(body)
         rests_on = with_supports(rests_on, own, step)

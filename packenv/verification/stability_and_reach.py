@@ -71,8 +71,8 @@ def recheck(
     if options.constraints == "overlap":
         return Recheck()
     rule = margin_rule(options.stability)
-    find = contact_finder(options.contacts, tight=rule is not None)
     balance = StabilityChecker(options.setup.friction)
+    find = contact_finder(options.contacts, balance.mu, tight=rule is not None)
     prestress = counts_prestress(options.stability)
     unstable = _unstable(plan, items, fields, balance, rule, find, prestress=prestress)
     if options.constraints == "stability":
@@ -122,7 +122,7 @@ def _unstable(
     failed = []
     for step, placement in enumerate(plan.placements, start=1):
         item = items[placement.item]
-        body = Body(fields[placement.item], placement.rotation, placement.position)
+        body = Body(fields[placement.item], placement.rotation, placement.position, friction=item.friction)
         if step <= plan.lying:  # it proved that it stands: like the floor, as in planning
             bodies.append(body)
             continue

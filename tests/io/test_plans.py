@@ -45,8 +45,8 @@ def _plan(seed: int = 0, catalogue: str = "builtin") -> Plan:
         catalogue=catalogue,
         order=(OrderLine("thing 0", 2), OrderLine("thing 1", 2), OrderLine("pole", 1)),
         meshes={
-            name: MeshRecord(f"{name}.ply", "ab" * 32, 1e-3, 0.5, True)
-            for name in ("thing 0", "thing 1", "pole")
+            name: MeshRecord(f"{name}.ply", "ab" * 32, 1e-3, 0.5, True, friction=friction)
+            for name, friction in (("thing 0", None), ("thing 1", 0.3), ("pole", None))
         },
     )
 
@@ -70,6 +70,14 @@ def test_reading_gives_back_what_was_written(tmp_path: Path) -> None:
             assert getattr(a, name).tolist() == getattr(b, name).tolist()
         for name in ("item", "instance", "pose_index", "yaw", "score", "candidates", "route"):
             assert getattr(a, name) == getattr(b, name)
+
+
+def test_only_an_item_with_its_own_friction_says_so(tmp_path: Path) -> None:
+    write_plan(tmp_path / "p.json", _plan())
+    meshes = json.loads((tmp_path / "p.json").read_text())["meshes"]
+    assert {name: mesh.get("friction") for name, mesh in meshes.items() if "friction" in mesh} == {
+        "thing 1": 0.3
+    }
 
 
 def test_same_plan_same_bytes(tmp_path: Path) -> None:
@@ -142,6 +150,9 @@ def _drop(*path: str | int) -> Callable[[dict], None]:
         (_set("steps", 1, "position", value=[0, 1]), "steps[1].position"),
         (_set("steps", 1, "position", value=[0, 1, "2"]), "steps[1].position"),
         (_set("steps", 2, "quat_xyzw", value=[0, 0, 0, 2]), "steps[2].quat_xyzw"),
+        (_set("meshes", "pole", "friction", value=0), "meshes.pole.friction"),
+        (_set("meshes", "pole", "friction", value="rough"), "meshes.pole.friction"),
+        (_set("meshes", "pole", "friction", value=None), "meshes.pole.friction"),
         (_set("steps", 0, "step", value=3), "steps[0].step"),
         (_set("steps", 0, "item", value="ghost"), "ghost"),
         (_set("steps", 0, "instance", value=0), "steps[0].instance"),

@@ -22,7 +22,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("items")
     trimesh.creation.box((0.08, 0.06, 0.04)).export(folder / "brick.ply")
     trimesh.creation.box((0.5, 0.02, 0.02)).export(folder / "pole.ply")
-    (folder / "objects.csv").write_text("name,file,mass_kg\nbrick,brick.ply,0.3\npole,pole.ply,0.2\n")
+    (folder / "objects.csv").write_text(
+        "name,file,mass_kg,friction\nbrick,brick.ply,0.3,0.6\npole,pole.ply,0.2,\n"
+    )
     (folder / "order.csv").write_text("item,qty\nbrick,2\npole,1\n")
     words = ["order.csv", "--container", "0.2x0.2x0.12", "--out", "plan.json", "--heuristic", "dblf"]
     paths = [str(folder / w) if w.endswith((".csv", ".json")) else w for w in words]
@@ -83,6 +85,8 @@ def test_the_plan_as_it_is_passes_and_says_what_is_not_checked(
         (lambda d: d["meshes"]["brick"].update(mass=0.03), "meshes.brick.mass"),
         (lambda d: d["meshes"]["brick"].update(mass_estimated=True), "meshes.brick.mass_estimated"),
         (lambda d: d["meshes"]["brick"].update(volume=1e-9), "meshes.brick.volume"),
+        (lambda d: d["meshes"]["brick"].update(friction=0.9), "meshes.brick.friction"),
+        (lambda d: d["meshes"]["brick"].pop("friction"), "meshes.brick.friction"),
         (lambda d: d["metrics"].update(utilization=0.9), "metrics.utilization"),
         (lambda d: d["metrics"].update(utilization="all of it"), "metrics.utilization"),
         (lambda d: d["metrics"].update(height=0.01), "metrics.height"),

@@ -27,7 +27,6 @@ from packenv.planning.stability.equilibrium import (
     Equilibrium,
     build_equilibrium,
     residuals,
-    take,
 )
 from packenv.planning.stability.solvers import Solution, solve_highs, solve_nnls
 from packenv.types import BoolArray, Contacts, FloatArray, IntArray
@@ -56,10 +55,11 @@ class StabilityResult:
 
 @dataclass(frozen=True)
 class StabilityChecker:
-    """Checks piles with one friction coefficient.
+    """Checks piles.
 
     Attributes:
-        mu: coefficient of static friction (paper: 0.7).
+        mu: coefficient of static friction of contacts that have none of their own (paper: 0.7).
+        most: what is counted on of any contact's coefficient.
         sides: edges of the inscribed friction pyramid.
         gravity: (3,) m/s², container frame.
         length: m, that torques are measured by.
@@ -67,6 +67,7 @@ class StabilityChecker:
     """
 
     mu: float = 0.7
+    most: float = np.inf
     sides: int = 8
     gravity: tuple[float, float, float] = GRAVITY
     length: float = LENGTH
@@ -138,7 +139,7 @@ class StabilityChecker:
         com = np.asarray(coms, dtype=np.float64).reshape(-1, 3)
         new = _existing(new, len(com))
         touching = (contacts.first == new) | (contacts.second == new)
-        eq = self.build(take(contacts, touching), masses, com, np.array([new]))
+        eq = self.build(contacts.take(touching), masses, com, np.array([new]))
         # What falls, falls mostly to the side where least of the support is.
         overhang = com[new - 1] - eq.contacts.points.mean(axis=0) if len(eq.contacts) else np.zeros(3)
         solutions: dict[int, Solution] = {}
@@ -161,13 +162,20 @@ class StabilityChecker:
             contacts,
             masses,
             coms,
-            mu=self.mu,
+            mu=self.coefficients(contacts),
             sides=self.sides,
             gravity=self.gravity,
             free=free,
             length=self.length,
             tolerance=self.tolerance,
         )
+
+    def coefficients(self, contacts: Contacts) -> FloatArray | float:
+        """The coefficient of friction that is counted on: (k,) at each contact, or the one of them all."""
+        if contacts.mu is None:
+            return min(self.mu, self.most)
+        mu: FloatArray = np.minimum(np.where(np.isnan(contacts.mu), self.mu, contacts.mu), self.most)
+        return mu
 
 
 _FEW = 3
@@ -256,7 +264,7 @@ class _Question:
             fixed: (k, 3) forces that all other contacts keep; they carry nothing where None.
             seed: (k, 3) forces near which to begin, ``fixed`` where None.
         """
-        some = take(self.contacts, which)
+        some = self.contacts.take(which)
         eq = self.checker.build(some, self.mass, self.com, free)
         if fixed is not None:
             kept = np.where(which[:, None], 0.0, fixed)
@@ -301,7 +309,8 @@ class _Question:
         normals = self.contacts.normals
         push = np.einsum("ij,ij->i", forces, normals)
         friction = np.linalg.norm(forces - push[:, None] * normals, axis=1)
-        return bool((friction <= self.checker.mu * push * (1.0 + 1e-9) + 1e-12).all())
+        most = self.checker.coefficients(self.contacts) * push
+        return bool((friction <= most * (1.0 + 1e-9) + 1e-12).all())
 
     def _known_forces(self, previous: StabilityResult | None, touching: BoolArray) -> FloatArray | None:
         """Forces of the pile before, at the contacts of now; zero at those of the new item."""
@@ -314,7 +323,7 @@ class _Question:
             known[kept] = old_forces
             return known
         where = {key: i for i, key in enumerate(_keys(old))}
-        now = _keys(take(self.contacts, kept))
+        now = _keys(self.contacts.take(kept))
         if len(where) != len(old) or not set(where) <= set(now):
             return None
         for position, key in zip(kept, now, strict=True):

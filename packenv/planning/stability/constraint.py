@@ -20,7 +20,7 @@ from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.loads import OVERLOAD, Balanced, LoadLimits, Loads, loads_details
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.stability.settling import settled_tilt, settles, settles_with
-from packenv.types import BoolArray, Contacts, FloatArray
+from packenv.types import BoolArray, Contacts, FloatArray, Item
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class StabilityConstraint(Constraint):
 
     Attributes:
         fields: surface of every item of the order, by name.
-        masses: kg, by name.
+        shapes: the items by name, as the geometry that is planned with.
         checker: friction and solvers.
         rule: what more the pile must survive than gravity as it is; None asks for equilibrium alone (the
             paper's rule).
@@ -69,7 +69,7 @@ class StabilityConstraint(Constraint):
     """
 
     fields: Mapping[str, SurfaceField]
-    masses: Mapping[str, float]
+    shapes: Mapping[str, Item]
     checker: StabilityChecker
     rule: MarginRule | None = None
     contact_rule: ContactRule = "surface"
@@ -85,7 +85,9 @@ class StabilityConstraint(Constraint):
 
     def start(self, resting: Sequence[Resting] = ()) -> PileState:
         """What lies at rest is taken as ground, like the floor: it proved that it stands."""
-        ground = tuple(Body(self.fields[p.item.name], p.rotation, p.position) for p in resting)
+        ground = tuple(
+            Body(self.fields[p.item.name], p.rotation, p.position, friction=p.item.friction) for p in resting
+        )
         loads = Loads(tuple(resting))
         return PileState(ground, np.empty(0), np.empty((0, 3)), no_contacts(), (), len(ground), loads)
 
@@ -102,18 +104,19 @@ class StabilityConstraint(Constraint):
         """Whether the pile stands with the candidate placed."""
         name = trial.oriented.item
         box = np.stack([trial.corner, trial.corner + trial.oriented.extents])
-        body = Body(self.fields[name], trial.oriented.rotation, trial.position, box)
+        item = self.shapes[name]
+        body = Body(self.fields[name], trial.oriented.rotation, trial.position, box, item.friction)
         index = len(state.bodies) - state.ground + 1
         place = (name, trial.oriented.rotation.tobytes(), trial.ix, trial.iy, trial.z)
         touched = state.found.get(place)
         if touched is None:
-            find = contact_finder(self.contact_rule, tight=self.rule is not None)
+            find = contact_finder(self.contact_rule, self.checker.mu, tight=self.rule is not None)
             touched = state.found[place] = find(body, state.bodies, surface.container, index + state.ground)
         own = grounded(touched, state.ground)
         if not np.any(own.normals[:, 2] * np.where(own.second == index, 1.0, -1.0) > 0.0):
             return Verdict(False, "no-support")
         contacts = join([state.contacts, own])
-        masses = np.append(state.masses, self.masses[name])
+        masses = np.append(state.masses, item.mass)
         coms = np.vstack([state.coms, trial.com])
         loads = state.loads
         if self.loads is not None:

@@ -10,29 +10,33 @@ import numpy as np
 
 from packenv.planning.options import ContactRule
 from packenv.planning.stability.contact_patches import thin, tighten
-from packenv.planning.stability.contacts import Body, item_contacts
+from packenv.planning.stability.contacts import Body, item_contacts, with_friction
 from packenv.planning.stability.paper_contacts import paper_contacts
 from packenv.types import Contacts, Container
 
 ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
 
 
-def contact_finder(rule: ContactRule, *, tight: bool) -> ContactFinder:
+def contact_finder(rule: ContactRule, mu: float, *, tight: bool) -> ContactFinder:
     """How contacts of a new item with the pile are found.
 
     Args:
         rule: ``surface``: surfaces at most 1.5 mm apart, thinned by patches; ``paper``: geometry scaled by
             1.03 that overlaps, merged in 1 cm cells.
+        mu: coefficient of friction of the container, and of items without their own.
         tight: tighten surface contacts to those that can touch together: a margin on contacts that only the
             threshold bridges would be no margin.
     """
-    if rule == "paper":
-        return lambda new, others, container, index: paper_contacts(new, others, container, index=index)
-    if tight:
-        return lambda new, others, container, index: thin(
-            tighten(item_contacts(new, others, container, index=index))
-        )
-    return lambda new, others, container, index: thin(item_contacts(new, others, container, index=index))
+
+    def find(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
+        if rule == "paper":
+            found = paper_contacts(new, others, container, index=index)
+        else:
+            found = item_contacts(new, others, container, index=index)
+            found = thin(tighten(found) if tight else found)
+        return with_friction(found, (*others, new), mu)
+
+    return find
 
 
 def grounded(contacts: Contacts, ground: int) -> Contacts:

@@ -51,13 +51,7 @@ def thin(contacts: Contacts, *, angle: float = ANGLE, flat: float = FLAT, hull: 
         hull,
         keep,
     )
-    return Contacts(
-        contacts.points[keep],
-        contacts.normals[keep],
-        contacts.first[keep],
-        contacts.second[keep],
-        contacts.gaps[keep],
-    )
+    return contacts.take(keep)
 
 
 @compiled
@@ -173,13 +167,7 @@ def tighten(contacts: Contacts, *, slack: float = TOUCHING, rocking: float = ROC
     keep = np.zeros(len(contacts), np.bool_)
     order = np.lexsort((contacts.gaps, groups))
     _mark_touching(order, groups, contacts.points, contacts.gaps, slack, rocking, keep)
-    return Contacts(
-        contacts.points[keep],
-        contacts.normals[keep],
-        contacts.first[keep],
-        contacts.second[keep],
-        contacts.gaps[keep],
-    )
+    return contacts.take(keep)
 
 
 @compiled

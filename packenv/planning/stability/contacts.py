@@ -9,7 +9,7 @@ the paper's rule, kept for comparison.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,12 +34,14 @@ class Body:
         rotation: (3, 3) proper rotation.
         position: (3,) m.
         box: (2, 3) smallest and largest x, y, z of the item at this pose, m, where they are known.
+        friction: coefficient of the surface, where it has its own.
     """
 
     field: SurfaceField
     rotation: FloatArray
     position: FloatArray
     box: FloatArray | None = None
+    friction: float | None = None
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -68,7 +70,30 @@ def join(parts: Sequence[Contacts]) -> Contacts:
         np.concatenate([p.first for p in parts]),
         np.concatenate([p.second for p in parts]),
         np.concatenate([p.gaps for p in parts]),
+        None
+        if all(p.mu is None for p in parts)
+        else np.concatenate([np.full(len(p), np.nan) if p.mu is None else p.mu for p in parts]),
     )
+
+
+def with_friction(contacts: Contacts, bodies: Sequence[Body], mu: float) -> Contacts:
+    """Contacts that know their coefficient of friction: the lesser one of the two surfaces that touch.
+
+    Tables of friction are of pairs; of two surfaces with one coefficient each, the lesser is what the pair can be
+    relied on for: a slippery item slides on everything.
+
+    Args:
+        contacts: of a pile.
+        bodies: items 1 to n of the pile.
+        mu: coefficient of the container, and of items without their own.
+
+    Returns:
+        The same where no item has its own.
+    """
+    if all(body.friction is None for body in bodies):
+        return contacts
+    own = np.array([mu, *(mu if body.friction is None else body.friction for body in bodies)])
+    return replace(contacts, mu=np.minimum(own[contacts.first], own[contacts.second]))
 
 
 def item_contacts(

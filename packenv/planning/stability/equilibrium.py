@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from packenv import config
 from packenv.planning.stability.equilibrium_kernels import add_wrenches, fill_columns
-from packenv.types import BoolArray, Contacts, FloatArray, IntArray
+from packenv.types import Contacts, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -81,7 +81,7 @@ class Equilibrium:
         weights: (n,) of the free items, N.
         coms: (n, 3) of the free items, m.
         free: (n,) body numbers of the items whose balance is asked; all others are held, as the container is.
-        mu: friction coefficient.
+        mu: (k,) coefficient of friction of each contact.
         gravity: (3,) m/s², nominal: it fixes weights and pyramids. ``rhs`` is what is to be balanced.
         length: m, that torques are measured by.
         tolerance: largest residual of a row that counts as balanced.
@@ -97,7 +97,7 @@ class Equilibrium:
     weights: FloatArray
     coms: FloatArray
     free: IntArray
-    mu: float
+    mu: FloatArray
     gravity: FloatArray
     length: float = LENGTH
     tolerance: float = TOLERANCE
@@ -211,7 +211,7 @@ def build_equilibrium(
     masses: ArrayLike,
     coms: ArrayLike,
     *,
-    mu: float = 0.7,
+    mu: FloatArray | float = 0.7,
     sides: int = 8,
     gravity: ArrayLike = GRAVITY,
     free: ArrayLike | None = None,
@@ -224,7 +224,7 @@ def build_equilibrium(
         contacts: of the pile; ``normals`` point into ``second``.
         masses: (n,) of items 1 to n, kg.
         coms: (n, 3) their centres of mass, container frame, m.
-        mu: friction coefficient of all contacts.
+        mu: friction coefficient of all contacts, or (k,) of each.
         sides: edges of each friction pyramid, at least 3. It is inscribed in the cone ‖f_t‖ ≤ μ f_n (paper eq. 4, made
             linear), so its "stable" is also the cone's; its first edge points uphill (:func:`tangents`).
         gravity: (3,) m/s².
@@ -253,12 +253,16 @@ def build_equilibrium(
     if free is not None:
         asked = (slot[contacts.first] >= 0) | (slot[contacts.second] >= 0)
         if not asked.all():
-            contacts = take(contacts, asked)
+            contacts = contacts.take(asked)
+            if isinstance(mu, np.ndarray):
+                mu = mu[asked]
 
     weight = np.concatenate([[np.inf], mass * g])
     held = weight.copy()
     held[slot < 0] = np.inf
     units = np.minimum(held[contacts.first], held[contacts.second])
+    coefficients = np.empty(len(contacts))
+    coefficients[:] = mu
     _check_friction(mu, sides)
     up = -pull / g
     level = np.zeros(3)
@@ -277,7 +281,7 @@ def build_equilibrium(
         weight,
         np.concatenate([np.zeros((1, 3)), com]),
         length,
-        mu,
+        coefficients,
         up,
         level,
         _wheel(sides),
@@ -301,7 +305,7 @@ def build_equilibrium(
         weights=weight[bodies],
         coms=com[bodies - 1],
         free=bodies,
-        mu=mu,
+        mu=coefficients,
         gravity=pull,
         length=length,
         tolerance=tolerance,
@@ -349,22 +353,6 @@ def residuals(
     return out
 
 
-def take(contacts: Contacts, which: BoolArray | IntArray) -> Contacts:
-    """Some of the contacts.
-
-    Args:
-        contacts: of a pile.
-        which: (k,) bool, or indices.
-    """
-    return Contacts(
-        points=contacts.points[which],
-        normals=contacts.normals[which],
-        first=contacts.first[which],
-        second=contacts.second[which],
-        gaps=contacts.gaps[which],
-    )
-
-
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Cross product over the last axis; written out, since np.cross costs as much as the whole matrix."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
@@ -374,10 +362,11 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-def _check_friction(mu: float, sides: int) -> None:
+def _check_friction(mu: FloatArray | float, sides: int) -> None:
     """Refuse what is no friction pyramid."""
-    if not (np.isfinite(mu) and mu >= 0.0):
-        raise ValueError(f"friction coefficient {mu:g}: give a finite number, 0 or more")
+    for one in (mu,) if isinstance(mu, float | int) else (mu.min(initial=0.0), mu.max(initial=0.0)):
+        if not 0.0 <= one < np.inf:
+            raise ValueError(f"friction coefficient {one:g}: give a finite number, 0 or more")
     if sides < 3:
         raise ValueError(f"friction pyramid of {sides} sides: give 3 or more")
 

@@ -32,7 +32,7 @@ def fill_columns(  # type: ignore[no-untyped-def]
         weight: (n + 1,) of each body, N.
         centre: (n + 1, 3) of mass, m.
         length: m, that torques are measured by.
-        mu: friction coefficient.
+        mu: (k,) coefficient of friction of each contact.
         up: (3,) unit, against gravity.
         level: (3,) axis that the first tangent of a level contact follows.
         wheel: (sides, 2) cosine and sine of each edge's angle.
@@ -70,7 +70,7 @@ def fill_columns(  # type: ignore[no-untyped-def]
         across[2] = nx * tangent[1] - ny * tangent[0]
         for s in range(len(wheel)):
             for axis in range(3):
-                edges[k, s, axis] = normals[k, axis] + mu * (
+                edges[k, s, axis] = normals[k, axis] + mu[k] * (
                     wheel[s, 0] * tangent[axis] + wheel[s, 1] * across[axis]
                 )
             ex, ey, ez = edges[k, s]

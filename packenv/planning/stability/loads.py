@@ -152,7 +152,10 @@ class LoadLimits:
         return _checked(items, known, balanced)
 
     def _contacts(self, items: Sequence[Resting], count: int, container: Container) -> Contacts:
-        bodies = [Body(self.fields[p.item.name], p.rotation, p.position) for p in items[:count]]
+        bodies = [
+            Body(self.fields[p.item.name], p.rotation, p.position, friction=p.item.friction)
+            for p in items[:count]
+        ]
         return self.find(bodies[-1], bodies[:-1], container, count)
 
 

@@ -66,7 +66,7 @@ class MarginRule:
 
     def weakened(self, checker: StabilityChecker) -> StabilityChecker:
         """The checker with no more friction than the rule counts on."""
-        return replace(checker, mu=min(self.mu, checker.mu))
+        return replace(checker, most=min(self.mu, checker.most))
 
     def pulls(self, gravity: ArrayLike = GRAVITY) -> FloatArray:
         """(d, 3) horizontal pulls that tilt gravity, in units of gravity; one for each direction.
@@ -88,7 +88,8 @@ class Margin:
         stable: True where it stands without tilt.
         directions: (d, 3) unit, where the horizontal part of tilted gravity points.
         tilts_deg: (d,) tilt that the pile survives in each direction.
-        mu: smallest friction coefficient at which the untilted pile stands; None where not asked or unstable.
+        mu: smallest friction coefficient at which the untilted pile stands, at each contact that has no less;
+            None where not asked or unstable.
     """
 
     tilt_deg: float
@@ -234,11 +235,11 @@ def _smallest_mu(
     free: ArrayLike | None,
 ) -> float:
     """Bisect: more friction never hurts. To a thousandth, from above."""
-    low, high = -1e-3, checker.mu
+    low, high = -1e-3, float(np.max(checker.coefficients(contacts), initial=0.0))
     warm = None
     while high - low > 1e-3:
         middle = max((low + high) / 2.0, 0.0)
-        answer = solve_highs(replace(checker, mu=middle).build(contacts, masses, coms, free), warm)
+        answer = solve_highs(replace(checker, most=middle).build(contacts, masses, coms, free), warm)
         if answer.status == "stable":
             high, warm = middle, answer.basis
         else:

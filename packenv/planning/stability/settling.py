@@ -19,9 +19,11 @@ gives way by. Where it hangs between two facing walls, no push ever begins, at a
 so steeply that only ten weights and more on a contact hold it, it slips.
 
 What settles with little friction settles with more, by definition: a coefficient counts as all steps of
-``_STEP`` up to it, and the item settles if it does so at one of them. The thresholds of sliding themselves are
-exact all the same, for balance is asked too. Items are taken one by one, in the sequence in which they come:
-a keystone that holds up what would fall without it never finds that there.
+``_STEP`` up to it, and the item settles if it does so at one of them. Where contacts differ, each has its own or the
+step, whichever is less: so this holds for more friction of the item itself and of everything at once, while more of
+one neighbour alone unsettles it in 6 of 10,000 cases (docs/decisions.md). The thresholds of sliding themselves are
+exact all the same, for balance is asked too. Items are taken one by one, in the sequence in which they come: a
+keystone that holds up what would fall without it never finds that there.
 
 Source: Coulomb friction has several solutions (Pang and Trinkle 2000, "Stability characterizations of rigid
 body contact problems with Coulomb friction"); balance is their *weak stability*, "no force is at hand, so it
@@ -131,13 +133,23 @@ def _settles(
     rows = contact_rows(contacts, com, new)
     loads = np.zeros((len(tilts), 6))
     loads[:, :3] = down + tilts
-    return all(_rests(rows, load, checker.mu, most) for load in loads)
+    counted = checker.coefficients(contacts)
+    if isinstance(counted, float):
+        top = math.ceil(counted / _STEP - 1e-9)
+        mu = np.full(len(rows), top * _STEP)
+    else:
+        own = (contacts.first == new) | (contacts.second == new)
+        steps = np.ceil(counted[own] / _STEP - 1e-9)
+        top, mu = int(steps.max(initial=0.0)), steps * _STEP
+    return all(_rests(rows, load, mu, top, most) for load in loads)
 
 
-def _rests(rows: FloatArray, load: FloatArray, mu: float, most: float) -> bool:
+def _rests(rows: FloatArray, load: FloatArray, mu: FloatArray, top: int, most: float) -> bool:
+    """Whether it does with these coefficients, the largest of which is ``top`` steps, or with less."""
     motion = np.empty(6)
-    for step in range(math.ceil(mu / _STEP - 1e-9), -1, -1):
-        settle(rows, load, step * _STEP, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
+    for cap in range(top, -1, -1):
+        lower = mu if cap == top else np.minimum(mu, cap * _STEP)
+        settle(rows, load, lower, STIFFNESS, _FOLLOWING, _ACCURACY / STIFFNESS, _ITERATIONS, motion)
         if np.abs(motion).max() <= most:
             return True
     return False

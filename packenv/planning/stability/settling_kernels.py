@@ -64,7 +64,7 @@ def settle(rows, load, mu, stiffness, following, accuracy, most, motion):  # typ
     Args:
         rows: (k, 3, 6) wrench of a unit push and of unit forces along two tangents.
         load: (6,) what drives the item; its motion without contacts.
-        mu: friction coefficient.
+        mu: (k,) coefficient of friction of each contact.
         stiffness: of every contact, in push and in friction.
         following: share by which each bound on friction follows its push.
         accuracy: change of the motion at which it is found.
@@ -97,7 +97,7 @@ def settle(rows, load, mu, stiffness, following, accuracy, most, motion):  # typ
             spring[1] = 0.0
             if rubbing:
                 push = -stiff * speed[0] if now else 0.0
-                bound[i] += following * (mu * push - bound[i])
+                bound[i] += following * (mu[i] * push - bound[i])
                 slide = math.sqrt(speed[1] ** 2 + speed[2] ** 2)
                 spring[1] = stiff if slide * stiff <= bound[i] else bound[i] / slide
             spring[2] = spring[1]

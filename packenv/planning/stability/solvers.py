@@ -329,8 +329,8 @@ def _faces(eq: Equilibrium) -> Any:
     inner = eq.mu * np.cos(np.pi / eq.sides)
     faces = 2.0 * np.pi * (np.arange(eq.sides) + 0.5) / eq.sides
     blocks = [
-        coo_array(np.vstack([n, inner * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)]))
-        for n, t, u in zip(eq.contacts.normals, first, second, strict=True)
+        coo_array(np.vstack([n, m * n - np.outer(np.cos(faces), t) - np.outer(np.sin(faces), u)]))
+        for m, n, t, u in zip(inner, eq.contacts.normals, first, second, strict=True)
     ]
     return csr_matrix(block_diag(blocks))
 

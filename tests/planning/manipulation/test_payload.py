@@ -13,6 +13,8 @@ import trimesh
 import packenv as rp
 from packenv.robot.files import default_cell
 from packenv.robot.gripper import Gripper
+from packenv.robot.opw import gripper_to_mapping
+from packenv.robot.records import gripper_from
 
 BOX = rp.Container(0.2, 0.2, 0.2)
 
@@ -34,6 +36,37 @@ def planned(folder: Path, mass: float, payload: float | None = None) -> rp.Plan:
 def test_air_carries_its_pressure_times_the_cups_area(radius: float) -> None:
     assert Gripper(radius=radius).heaviest == pytest.approx(101_325 * math.pi * radius**2 / 9.81, rel=1e-12)
     assert Gripper(radius=radius, payload=1.5).heaviest == 1.5
+
+
+def test_less_vacuum_and_a_safety_factor_hold_in_proportion() -> None:
+    full = Gripper()
+    assert full.heaviest == pytest.approx(3.245, abs=1e-3)
+    record = gripper_to_mapping(full)
+    assert set(record) == {"length_m", "radius_m", "mass_kg", "payload_kg"}
+    # 60 kPa on 20 mm are 18.85 N: with a factor of 2, 0.961 kg.
+    made = gripper_from(record | {"vacuum_kpa": 60, "safety_factor": 2}, "arm.json: gripper")
+    assert made.heaviest == pytest.approx(18.850 / 9.81 / 2.0, rel=1e-4)
+    assert gripper_from(gripper_to_mapping(made), "again") == made
+    for vacuum, safety in ((101.325, 4.0), (20.0, 1.0), (75.5, 2.5)):
+        made = gripper_from(record | {"vacuum_kpa": vacuum, "safety_factor": safety}, "arm.json: gripper")
+        assert made.heaviest == pytest.approx(full.heaviest * vacuum / 101.325 / safety, rel=1e-12)
+        assert replace(made, payload=5.0).heaviest == 5.0
+        assert gripper_from(gripper_to_mapping(made), "again") == made
+
+
+def test_a_cell_file_says_how_the_cup_holds(tmp_path: Path) -> None:
+    gripper = {"length_m": 0.3, "radius_m": 0.01, "mass_kg": 0.25, "vacuum_kpa": 60, "safety_factor": 2}
+    cell = rp.load_cell({"robot": "tx90", "gripper": gripper})
+    order = rp.Order.of("block")
+    plan = rp.plan(order, BOX, catalogue(tmp_path, 0.95), cell=cell)
+    assert plan.complete
+    assert plan.settings["cell"]["robot"]["gripper"]["safety_factor"] == 2.0
+    assert rp.verify(plan, tmp_path).ok
+    heavier = catalogue(tmp_path, 0.97)
+    (left,) = rp.plan(order, BOX, heavier, cell=cell).leftovers
+    assert left.reason == "too-heavy"
+    assert "0.961 kg" in left.detail
+    assert not rp.verify(plan, heavier).ok
 
 
 @pytest.mark.parametrize("payload", [None, 0.5, 5.0])

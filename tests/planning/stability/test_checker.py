@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.equilibrium import TOLERANCE, residuals, take
+from packenv.planning.stability.equilibrium import TOLERANCE, residuals
 from packenv.planning.stability.margins import measure_margin, tilt_directions
 from packenv.types import Contacts
 from tests.planning.stability import piles
@@ -51,7 +51,7 @@ def test_more_contacts_never_make_a_pile_fall():
     for p in some_piles(2, 80):
         order = rng.permutation(len(p.contacts))
         verdicts = [
-            stands(replace(p, contacts=take(p.contacts, np.sort(order[:k]))))
+            stands(replace(p, contacts=p.contacts.take(np.sort(order[:k]))))
             for k in (len(order) // 3, 2 * len(order) // 3, len(order))
         ]
         assert verdicts == sorted(verdicts)
@@ -101,7 +101,7 @@ def test_numbering_of_items_and_sequence_of_contacts_change_nothing():
         n, k = len(p.masses), len(p.contacts)
         item = rng.permutation(n)  # old item i + 1 becomes item[i] + 1
         rename = np.concatenate([[0], item + 1])
-        c = take(p.contacts, rng.permutation(k))
+        c = p.contacts.take(rng.permutation(k))
         masses, coms = np.empty(n), np.empty((n, 3))
         masses[item], coms[item] = p.masses, p.coms
         assert stands(p) == stands(
@@ -138,7 +138,7 @@ def grow(rng: np.random.Generator, tilt=None) -> Counter:
     for body in range(1, n + 1):
         # Leave out what fell: number the kept bodies and this one anew.
         bodies = [*kept, body]
-        c = take(p.contacts, np.isin(p.contacts.second, bodies) & np.isin(p.contacts.first, [0, *bodies]))
+        c = p.contacts.take(np.isin(p.contacts.second, bodies) & np.isin(p.contacts.first, [0, *bodies]))
         rename = np.zeros(n + 1, dtype=np.int64)
         rename[bodies] = np.arange(1, len(bodies) + 1)
         c = replace(c, first=rename[c.first], second=rename[c.second])
@@ -190,7 +190,7 @@ def stacked(n: int = 3) -> Pile:
 def test_foreign_forces_are_not_believed():
     """A result of another pile, or a wrong one, as ``previous`` never changes the answer."""
     p = stacked()
-    old = take(p.contacts, p.contacts.second < 3)
+    old = p.contacts.take(p.contacts.second < 3)
     right = CHECKER.check(old, p.masses[:2], p.coms[:2])
     assert right.stable
     wrong = [
@@ -207,9 +207,9 @@ def test_foreign_forces_are_not_believed():
 
 def test_previous_is_found_again_in_another_sequence_of_contacts():
     p = stacked(4)
-    old = take(p.contacts, p.contacts.second < 4)
+    old = p.contacts.take(p.contacts.second < 4)
     previous = CHECKER.check(old, p.masses[:3], p.coms[:3])
-    mixed = take(p.contacts, np.random.default_rng(0).permutation(len(p.contacts)))
+    mixed = p.contacts.take(np.random.default_rng(0).permutation(len(p.contacts)))
     result = CHECKER.check(mixed, p.masses, p.coms, previous=previous)
     assert result.stable
     assert np.abs(residuals(mixed, result.forces, p.masses, p.coms)).max() <= 1.02 * TOLERANCE
@@ -294,7 +294,7 @@ def test_thin_arch_needs_the_friction_of_its_closed_form(half_angle):
 def test_arch_without_its_keystone_falls():
     whole = piles.arch(0.02)
     c = whole.contacts
-    left_only = take(c, (c.second == 1) & (c.first == 0))
+    left_only = c.take((c.second == 1) & (c.first == 0))
     assert stands(whole, 2.0)
     assert not stands(Pile(left_only, whole.masses[:1], whole.coms[:1], whole.gravity), 2.0)
 
@@ -305,7 +305,7 @@ def test_bridge_stands_only_when_complete():
     assert CHECKER.check(*whole.args).stable
     c = whole.contacts
     for item in (1, 2):
-        alone = take(c, (c.first == 0) & (c.second == item))
+        alone = c.take((c.first == 0) & (c.second == item))
         p = Pile(
             replace(alone, second=np.ones_like(alone.second)),
             whole.masses[:1],

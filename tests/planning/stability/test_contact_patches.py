@@ -9,7 +9,6 @@ import pytest
 
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contact_patches import ROCKING, TOUCHING, tighten
-from packenv.planning.stability.equilibrium import take
 from packenv.planning.stability.margins import measure_margin
 from packenv.types import Contacts
 
@@ -79,7 +78,7 @@ def test_kept_are_those_that_no_other_excludes(slack, rocking):
 
 def test_sequence_of_contacts_changes_nothing():
     c = scattered(7)
-    mixed = take(c, np.random.default_rng(0).permutation(len(c)))
+    mixed = c.take(np.random.default_rng(0).permutation(len(c)))
     names = {tuple(p) for p in tighten(c).points}
     assert names == {tuple(p) for p in tighten(mixed).points}
     assert 0 < len(names) < len(c)

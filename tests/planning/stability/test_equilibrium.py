@@ -14,7 +14,6 @@ from packenv.planning.stability.equilibrium import (
     TOLERANCE,
     build_equilibrium,
     residuals,
-    take,
 )
 from packenv.planning.stability.solvers import Solution, solve_cvxpy, solve_highs, solve_nnls
 from tests.planning.stability import piles
@@ -112,7 +111,7 @@ def test_matrix_does_not_feel_the_scale_of_the_masses():
 def test_held_items_are_as_the_container():
     p = piles.stack_of_boxes(np.random.default_rng(5), 5, 0.03)
     eq = build(p, free=[5])
-    on_five = take(p.contacts, (p.contacts.first == 5) | (p.contacts.second == 5))
+    on_five = p.contacts.take((p.contacts.first == 5) | (p.contacts.second == 5))
     alone = Pile(
         replace(on_five, first=np.zeros_like(on_five.first), second=np.ones_like(on_five.second)),
         p.masses[4:],

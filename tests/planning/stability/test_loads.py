@@ -28,7 +28,7 @@ from tests.planning.stability import piles
 from tests.shapes import box
 
 BOX = Container(0.5, 0.3, 0.4)
-FIND = contact_finder("surface", tight=False)
+FIND = contact_finder("surface", 0.7, tight=False)
 
 
 def limited(item: Item, kg: float) -> Item:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from packenv.planning.stability import margins
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.equilibrium import TOLERANCE, residuals, take
+from packenv.planning.stability.equilibrium import TOLERANCE, residuals
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.stability.solvers import solve_highs
 from tests.planning.stability import piles
@@ -141,7 +141,7 @@ def test_a_pile_grows_as_it_would_from_nothing():
         p = piles.stack_of_boxes(rng, 6, float(rng.uniform(0.05, 0.12)), per_edge=3)
         previous = None
         for n in range(1, 7):
-            part = take(p.contacts, p.contacts.second <= n)
+            part = p.contacts.take(p.contacts.second <= n)
             question = (part, p.masses[:n], p.coms[:n])
             grown = check_margin(CHECKER, *question, previous=previous)
             assert grown[-1].stable == check_margin(CHECKER, *question)[-1].stable

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.settling_reference import reference_motion
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.equilibrium import take
 from packenv.planning.stability.margins import MarginRule, measure_margin
 from packenv.planning.stability.settling import (
     SETTLED,
@@ -39,7 +38,7 @@ def stands(p: Pile, mu: float = 0.7) -> bool:
     """Balanced, and each item settles on what came before it."""
     checker = StabilityChecker(mu=mu)
     for new in range(1, len(p.masses) + 1):
-        there = take(p.contacts, np.maximum(p.contacts.first, p.contacts.second) <= new)
+        there = p.contacts.take(np.maximum(p.contacts.first, p.contacts.second) <= new)
         if not settles(checker, there, p.coms[new - 1], new):
             return False
     return checker.check(*p.args).stable
@@ -96,7 +95,7 @@ def test_settling_only_takes_away_and_never_from_level_stacks():
 def sequence_balanced(p: Pile) -> bool:
     """The paper's check of every intermediate pile, with half a millimetre to spare at every edge."""
     for new in range(1, len(p.masses) + 1):
-        there = take(p.contacts, p.contacts.second <= new)
+        there = p.contacts.take(p.contacts.second <= new)
         inner = replace(there, points=there.points + 0.02 * (p.coms[there.second - 1] - there.points))
         if not CHECKER.check(inner, p.masses[:new], p.coms[:new]).stable:
             return False
@@ -117,13 +116,13 @@ def test_contacts_of_other_items_do_not_matter():
     rng = np.random.default_rng(5)
     for _ in range(30):
         p = piles.rubble(rng, 3, 6, 0.6)
-        own = take(p.contacts, (p.contacts.first == 3) | (p.contacts.second == 3))
+        own = p.contacts.take((p.contacts.first == 3) | (p.contacts.second == 3))
         assert settles(CHECKER, p.contacts, p.coms[2], 3) == settles(CHECKER, own, p.coms[2], 3)
 
 
 def test_an_item_without_contacts_falls():
     p = piles.box_on_floor()
-    assert not settles(CHECKER, take(p.contacts, np.zeros(0, dtype=np.int64)), p.coms[0], 1)
+    assert not settles(CHECKER, p.contacts.take(np.zeros(0, dtype=np.int64)), p.coms[0], 1)
 
 
 # Closed forms --------------------------------------------------------------------------------------------
@@ -175,7 +174,7 @@ def test_a_smooth_wedge_slips_where_only_many_weights_would_hold_it():
         p = between(angle)
         rows = contact_rows(p.contacts, p.coms[0], 1)
         motion = np.empty(6)
-        settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), 0.0, STIFFNESS, 0.3, 1e-7, 200, motion)
+        settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), np.zeros(len(rows)), STIFFNESS, 0.3, 1e-7, 200, motion)
         assert -motion[2] == pytest.approx(sunk, rel=1e-6)
         assert settles(StabilityChecker(mu=0.0), p.contacts, p.coms[0], 1) == (sunk <= SETTLED)
 
@@ -325,7 +324,7 @@ def motion_of(p: Pile, mu: float) -> np.ndarray:
     """What the product says is left of the motion, at this coefficient alone."""
     rows = contact_rows(p.contacts, p.coms[0], 1)
     motion = np.empty(6)
-    settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), mu, STIFFNESS, 0.3, 1e-4, 200, motion)
+    settle(rows, np.array([0.0, 0, -1, 0, 0, 0]), np.full(len(rows), mu), STIFFNESS, 0.3, 1e-4, 200, motion)
     return motion
 
 
