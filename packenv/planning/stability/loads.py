@@ -10,7 +10,7 @@ as large as one likes, so the lesser of the two bounds counts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,6 +25,8 @@ from packenv.planning.stability.barred_cells import on_barred, with_barred
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contact_finder import ContactFinder
 from packenv.planning.stability.contacts import Body
+from packenv.planning.stability.equilibrium import Equilibrium
+from packenv.planning.stability.equilibrium_kernels import least_squares
 from packenv.planning.stability.solvers import highs_solver, pass_program
 from packenv.types import BoolArray, Contacts, Container, Float32Array, FloatArray, Item
 
@@ -36,28 +38,6 @@ CARRIES = 0.05
 
 SLACK = 1e-6
 """How much more than it may an item may bear, kg: rounding."""
-
-
-@dataclass(frozen=True, eq=False)
-class Loads:
-    """A pile as far as it matters for what rests on what.
-
-    Attributes:
-        items: in packing sequence, those that lay there before first.
-        rests_on: of each item, those that it rests on, numbered as in :class:`Contacts`: 0 is the container; None
-            while no item is limited, for then nobody looks.
-        borne: what rests on limited items at most, by number, kg.
-        barred: (nx, ny) heights of cells on which nothing may lie, m, -inf elsewhere; None where there are none.
-    """
-
-    items: tuple[Resting, ...] = ()
-    rests_on: tuple[frozenset[int], ...] | None = None
-    borne: Mapping[int, float] | None = None
-    barred: Float32Array | None = None
-
-    def refused(self, candidates: Candidates) -> BoolArray | None:
-        """(n,) candidates that would lie on what bears nothing; None where there is no such item."""
-        return None if self.barred is None else on_barred(candidates, self.barred)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +57,28 @@ class Balanced:
     masses: FloatArray
     coms: FloatArray
     ground: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """A pile as far as it matters for what rests on what.
+
+    Attributes:
+        items: in packing sequence, those that lay there before first.
+        rests_on: of each item, those that it rests on, numbered as in :class:`Contacts`: 0 is the container; None
+            while no item is limited, for then nobody looks.
+        balanced: the pile for the linear programme, where forces are asked for.
+        barred: (nx, ny) heights of cells on which nothing may lie, m, -inf elsewhere; None where there are none.
+    """
+
+    items: tuple[Resting, ...] = ()
+    rests_on: tuple[frozenset[int], ...] | None = None
+    balanced: Balanced | None = None
+    barred: Float32Array | None = None
+
+    def refused(self, candidates: Candidates) -> BoolArray | None:
+        """(n,) candidates that would lie on what bears nothing; None where there is no such item."""
+        return None if self.barred is None else on_barred(candidates, self.barred)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +189,25 @@ def with_supports(known: tuple[frozenset[int], ...], own: Contacts, new: int) ->
 def _checked(
     items: tuple[Resting, ...], rests_on: tuple[frozenset[int], ...], balanced: Balanced | None
 ) -> Loads | None:
-    borne = loads_borne(items, rests_on, balanced)
-    over = any(kg > items[number - 1].item.limits.bears + SLACK for number, kg in borne.items())
-    return None if over else Loads(items, rests_on, borne)
+    for number, load, above in _burdens(items, rests_on):
+        bears = items[number - 1].item.limits.bears + SLACK
+        if load <= bears:
+            continue
+        alone = above - resting_on(0, rests_on, without=number)
+        shared = balanced is not None and bears > SLACK and _mass(items, alone) <= bears
+        if balanced is None or not shared or may_bear(balanced, number, above, bears):
+            return None
+    return Loads(items, rests_on, balanced)
+
+
+def _burdens(
+    items: Sequence[Resting], rests_on: Sequence[frozenset[int]]
+) -> Iterator[tuple[int, float, frozenset[int]]]:
+    """The number of each limited item, the mass of what rests on it, kg, and what that is."""
+    for number, placed in enumerate(items, start=1):
+        if np.isfinite(placed.item.limits.bears):
+            above = resting_on(number, rests_on)
+            yield number, _mass(items, above), above
 
 
 def loads_borne(
@@ -202,17 +220,11 @@ def loads_borne(
         rests_on: of each, those that it rests on.
         balanced: the pile for the linear programme, which is asked where masses alone are too much.
     """
-    borne: dict[int, float] = {}
-    for number, placed in enumerate(items, start=1):
-        bears = placed.item.limits.bears
-        if not np.isfinite(bears):
-            continue
-        above = resting_on(number, rests_on)
-        load = _mass(items, above)
+    borne = {}
+    for number, load, above in _burdens(items, rests_on):
+        bears = items[number - 1].item.limits.bears
         if load > bears + SLACK and bears > 0.0 and balanced is not None:
-            alone = above - resting_on(0, rests_on, without=number)
-            if _mass(items, alone) <= bears + SLACK:
-                load = min(load, largest_load(balanced, number, above))
+            load = min(load, largest_load(balanced, number, above))
         borne[number] = load
     return borne
 
@@ -250,24 +262,60 @@ def largest_load(pile: Balanced, number: int, above: frozenset[int]) -> float:
     """
     import highspy
 
+    found = _pushes(pile, number, above)
+    if found is None:
+        return np.inf
+    eq, pushes = found
+    highs = highs_solver()
+    pass_program(highs, eq, eq.start, eq.index, eq.value, cost=-pushes)
+    highs.run()
+    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        return np.inf
+    return -float(highs.getInfo().objective_function_value)
+
+
+def may_bear(pile: Balanced, number: int, above: frozenset[int], kg: float) -> bool:
+    """Whether forces that balance what rests on an item may push it down by so much.
+
+    The same question as :func:`largest_load`, as one row more of a least-squares problem: a tenth of the time.
+
+    Args:
+        pile: the pile.
+        number: the item.
+        above: what rests on it; all else is held.
+        kg: above 0.
+
+    Returns:
+        False where it is proved that they cannot.
+    """
+    found = _pushes(pile, number, above)
+    if found is None:
+        return True
+    eq, pushes = found
+    columns = np.zeros((eq.n_columns + 1, eq.n_rows + 1))
+    columns[:-1, :-1], columns[:-1, -1], columns[-1, -1] = eq.dense.T, pushes / kg, -1.0
+    x, left = np.empty(len(columns)), np.empty(eq.n_rows + 1)
+    ended = least_squares(columns, np.append(eq.rhs, 1.0), 3 * len(columns), x, left)
+    return not ended or float(np.abs(left).max()) <= eq.tolerance
+
+
+def _pushes(pile: Balanced, number: int, above: frozenset[int]) -> tuple[Equilibrium, FloatArray] | None:
+    """The balance of what rests on an item, and what each of its columns pushes the item down by, kg.
+
+    None where something of it is ground, of which no force is known.
+    """
     body, free = number - pile.ground, np.array(sorted(above)) - pile.ground
     if min(body, free.min()) < 1:
-        return np.inf
+        return None
     eq = pile.checker.build(pile.contacts, pile.masses, pile.coms, free)
     contacts = eq.contacts
     into = np.where(contacts.second == body, 1.0, -1.0)
     pressed = ((contacts.second == body) | (contacts.first == body)) & (
         into * contacts.normals[:, 2] < -CARRIES
     )
-    newtons = eq.edges[:, :, 2] * (into * eq.units)[:, None]
-    highs = highs_solver()
-    pass_program(
-        highs, eq, eq.start, eq.index, eq.value, cost=np.where(pressed[:, None], newtons, 0.0).ravel()
-    )
-    highs.run()
-    if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-        return np.inf
-    return -float(highs.getInfo().objective_function_value) / float(np.linalg.norm(pile.checker.gravity))
+    newtons = -eq.edges[:, :, 2] * (into * eq.units)[:, None]
+    gravity = float(np.linalg.norm(pile.checker.gravity))
+    return eq, np.where(pressed[:, None], newtons, 0.0).ravel() / gravity
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +351,8 @@ class LoadConstraint(Constraint):
 
 
 def loads_details(loads: Loads) -> dict[str, object]:
-    """What limited items bear, for the figures of a plan; empty where nothing is limited."""
-    if not loads.borne:
+    """What limited items bear at most, for the figures of a plan; empty where nothing is limited."""
+    if loads.rests_on is None:
         return {}
-    return {"loads": [{"step": step, "kg": round(kg, 6)} for step, kg in loads.borne.items()]}
+    borne = loads_borne(loads.items, loads.rests_on, loads.balanced)
+    return {"loads": [{"step": step, "kg": round(kg, 6)} for step, kg in borne.items()]}

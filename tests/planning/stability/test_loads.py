@@ -20,6 +20,7 @@ from packenv.planning.stability.loads import (
     Loads,
     largest_load,
     loads_borne,
+    may_bear,
     resting_on,
     with_supports,
 )
@@ -100,6 +101,8 @@ def test_the_most_on_one_of_two_supports_is_the_lever_rule(com_x: float) -> None
     most = 2.0 * (outer - com_x) / (outer - inner)
     assert loads_borne(items, rests_on, None)[1] == pytest.approx(2.0)
     assert largest_load(balanced, 1, frozenset({3})) == pytest.approx(most, rel=1e-5)
+    for share in (0.5, 0.99, 0.9999, 1.0001, 1.01, 1.5):
+        assert may_bear(balanced, 1, frozenset({3}), share * most) is (share < 1.0)
     rule = LoadLimits({}, {}, FIND)
     before = Loads(tuple(items[:2]), rests_on[:2])
     own = FIND(
@@ -147,6 +150,6 @@ def test_looking_late_finds_what_looking_early_finds() -> None:
             assert after is not None
             loads = after
         assert loads.rests_on == (frozenset({0}), frozenset({1}), frozenset({2}), frozenset({3}))
-        assert loads.borne == {
+        assert loads_borne(loads.items, loads.rests_on or (), None) == {
             which + 1: pytest.approx(sum(items[f"b{k}"].mass for k in range(which + 1, 4)))
         }
