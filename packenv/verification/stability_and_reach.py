@@ -14,6 +14,7 @@ import numpy as np
 
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.heightmaps import orient_item
+from packenv.geometry.transforms import axis_rotation
 from packenv.planning.assembly import counts_prestress, margin_rule
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.grasps import generate_grasps
@@ -32,6 +33,16 @@ from packenv.types import Contacts, Item, Placement, Plan, RobotPath
 
 JOINT_TOLERANCE = 1e-6
 """How far the cup of the stated joints may be from its stated way, m."""
+
+
+_ROUNDING = 1e-9
+"""Turn within which an answer may depend on rounding, rad: a plan file's quaternion is exact to 1e-16."""
+
+_TURNS = (
+    np.eye(3),
+    *(axis_rotation(axis, sign * _ROUNDING) for axis in (0, 1, 2) for sign in (1.0, -1.0)),
+)
+"""An item that stands at one of these stands: samples that are equally far off are told apart by rounding alone."""
 
 
 @dataclass(frozen=True)
@@ -126,14 +137,19 @@ def _unstable(
         if step <= plan.lying:  # it proved that it stands: like the floor, as in planning
             bodies.append(body)
             continue
-        own = grounded(find(body, bodies, plan.container, step), plan.lying)
-        contacts = join([contacts, own])
-        bodies.append(body)
         masses.append(item.mass)
         coms.append(placement.rotation @ item.com + placement.position)
-        carried = prestress or settles_with(checker, tighten(own), coms[-1], len(masses), rule)
-        if not (carried and _stands(checker, contacts, masses, coms, rule)):
+        for turn in _TURNS:
+            turned = replace(body, rotation=turn @ body.rotation)
+            own = grounded(find(turned, bodies, plan.container, step), plan.lying)
+            pile = join([contacts, own])
+            carried = prestress or settles_with(checker, tighten(own), coms[-1], len(masses), rule)
+            if carried and _stands(checker, pile, masses, coms, rule):
+                break
+        else:
             failed.append(step)
+        contacts = pile
+        bodies.append(body)
     return tuple(failed)
 
 
