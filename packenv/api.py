@@ -253,7 +253,7 @@ def plan_boxes(
     shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
     if order.limits:
-        shelf = shelf_for(catalogue_of(catalogue, unit).with_limits(order.limits), chosen)
+        shelf = shelf.with_limits(order.limits)
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(order.names)
     packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)
@@ -352,7 +352,7 @@ def _plan_onto_start(
     known = {} if lies.plan is None else limits_in(lies.plan.order)
     lines = (*(OrderLine(name, 1, known.get(name, NO_LIMITS)) for name in done), *order.lines)
     if limits := limits_in(lines):
-        shelf = shelf_for(shelf.catalogue.with_limits(limits), options)
+        shelf = shelf.with_limits(limits)
     job = PlanningJob(shelf, options, margins=margins, watcher=watcher)
     made = _plan_onto(job, lies, order.names, lines, unit)
     return replace(made, order_source=order.source)

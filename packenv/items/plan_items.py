@@ -160,9 +160,10 @@ def shelf_of(
                 f"{plan.label}: its meshes: {problem}; or name their folder by --catalogue"
             ) from None
     made = options_of(plan)
-    limits = limits_in(plan.order)
-    known = {name: given for name, given in limits.items() if name in catalogue_of(catalogue)}
-    shelf = shelf_for(catalogue_of(catalogue).with_limits(known) if known else catalogue, options or made)
+    shelf = shelf_for(catalogue, options or made)
+    limits = {name: given for name, given in limits_in(plan.order).items() if name in shelf}
+    if limits:
+        shelf = shelf.with_limits(limits)
     names = [p.item for p in plan.placements] + [left.item for left in plan.leftovers if leftovers]
     for name in dict.fromkeys(names):
         if name not in shelf:

@@ -213,7 +213,10 @@ class ItemShelf:
         )
 
     def with_limits(self, limits: Mapping[str, ItemLimits]) -> ItemShelf:
-        """The shelf of the same items, brought ones included, with further limits on some of them by name."""
+        """The shelf of the same items, brought ones included, with further limits on some of them by name.
+
+        Surfaces and parts are the same things, and shared.
+        """
         named = {name: given for name, given in limits.items() if name not in self._brought}
         fields, maps = self._memories
         made = ItemShelf(
@@ -224,6 +227,7 @@ class ItemShelf:
             field_memory=fields,
             map_memory=maps,
         )
+        made._kept_parts, made._kept_fields = self._kept_parts, self._kept_fields
         brought = self._brought.items()
         made.bring({n: replace(i, limits=i.limits.joined(limits.get(n, NO_LIMITS))) for n, i in brought})
         return made
