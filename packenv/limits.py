@@ -17,14 +17,7 @@ from packenv.errors import InputError, is_number
 UPRIGHT_TILT = 5.0
 """How far an upright item may lean where nobody says otherwise, degrees: a scan's stand is off by one or two."""
 
-AXES: Mapping[str, tuple[float, float, float]] = {
-    "x": (1.0, 0.0, 0.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "-z": (0.0, 0.0, -1.0),
-}
+AXES = ("x", "-x", "y", "-y", "z", "-z")
 """Axes of a mesh file by name."""
 
 
@@ -103,6 +96,11 @@ class ItemLimits:
             return 180.0
         return UPRIGHT_TILT if self.max_tilt_deg is None else self.max_tilt_deg
 
+    @property
+    def stance(self) -> tuple[str, float] | None:
+        """What must be up, and how far it may lean, degrees; None where nothing must."""
+        return None if self.upright is None else (str(self.upright), self.tilt_deg)
+
     def lean_deg(self, up: NDArray[np.float64]) -> float:
         """How far the axis that must point up leans, degrees; 0 where none must.
 
@@ -111,8 +109,10 @@ class ItemLimits:
         """
         if self.upright is None:
             return 0.0
-        axis = np.array(AXES[str(self.upright)])
-        return math.degrees(math.atan2(float(np.linalg.norm(np.cross(axis, up))), float(axis @ up)))
+        name = str(self.upright)
+        along = "xyz".index(name[-1])
+        rise = -float(up[along]) if name.startswith("-") else float(up[along])
+        return math.degrees(math.atan2(math.hypot(up[along - 1], up[along - 2]), rise))
 
     def allows(self, up: NDArray[np.float64]) -> bool:
         """Whether the item may stand with this (3,) direction of its mesh up, to a thousandth of a degree."""

@@ -33,9 +33,8 @@ class ItemCache:
     def prepared_file(self, item: Item, grid: GridConfig) -> CacheFile:
         """Where the prepared item of this mesh, centre of mass and discretization is kept."""
         made_of = (_FORMAT, item.sha256, item.com.tolist(), grid.cell_size, grid.n_poses, grid.n_yaws)
-        limits = item.limits
-        upright = () if limits.upright is None else (limits.upright, limits.tilt_deg)
-        return CacheFile(self.folder, "prepared", repr((*made_of, HEIGHT_QUANTUM, *upright)))
+        stance = item.limits.stance or ()
+        return CacheFile(self.folder, "prepared", repr((*made_of, HEIGHT_QUANTUM, *stance)))
 
     def parts_file(self, item: Item) -> CacheFile:
         """Where the convex parts of this mesh are kept."""

@@ -136,6 +136,7 @@ class ItemShelf:
         self._cache = cache or ItemCache()
         self._memories = field_memory, map_memory
         self._brought: Mapping[str, Item] = {}
+        self._freer: ItemShelf | None = None
         self._kept_parts: dict[str, ConvexParts] = {}
         self._kept_shapes: dict[str, Item] = {}
         self._kept_physics: dict[str, PhysicsItem] = {}
@@ -215,7 +216,7 @@ class ItemShelf:
     def with_limits(self, limits: Mapping[str, ItemLimits]) -> ItemShelf:
         """The shelf of the same items, brought ones included, with further limits on some of them by name.
 
-        Surfaces and parts are the same things, and shared.
+        What limits do not change is taken from here: surfaces, parts, envelopes, and maps unless another side is up.
         """
         named = {name: given for name, given in limits.items() if name not in self._brought}
         fields, maps = self._memories
@@ -228,6 +229,7 @@ class ItemShelf:
             map_memory=maps,
         )
         made._kept_parts, made._kept_fields = self._kept_parts, self._kept_fields
+        made._freer = self
         brought = self._brought.items()
         made.bring({n: replace(i, limits=i.limits.joined(limits.get(n, NO_LIMITS))) for n, i in brought})
         return made
@@ -271,11 +273,16 @@ class ItemShelf:
     def _shape(self, name: str) -> Item:
         if self.geometry == "mesh":
             return self._item(name)
+        if self._freer is not None:
+            return replace(self._freer.shapes[name], limits=self._item(name).limits)
         unite = envelope if name in self._brought else self._cache.envelope
         return _kept(self._kept_shapes, name, lambda: unite(self._item(name), self._parts(name)))
 
     def _prepared(self, name: str) -> PreparedItem:
         def make() -> PreparedItem:
+            limits, freer = self._item(name).limits, self._freer
+            if freer is not None and limits.stance == freer.items[name].limits.stance:
+                return replace(freer.prepared[name], limits=limits)
             prepare = prepare_item if name in self._brought else self._cache.prepare
             return prepare(self._shape(name), self.grid)
 

@@ -179,3 +179,19 @@ def test_what_is_refused_beside_others_goes_into_a_box_of_its_own() -> None:
 def test_a_number_of_boxes_that_is_none_is_refused(most: Any) -> None:
     with pytest.raises(rp.InputError, match=r"boxes_max is .*whole number"):
         boxed(drawn(0, 3), most)
+
+
+def test_groups_that_are_kept_apart_go_into_boxes_of_their_own() -> None:
+    names = ["soup_can", "tuna_can", "padlock", "pliers", "sponge"]
+    groups = {"soup_can": "food", "tuna_can": "food", "padlock": "tools", "pliers": "tools"}
+    limits = {name: rp.ItemLimits(keep_apart=group) for name, group in groups.items()}
+    order = rp.Order.of(*names, limits=limits)
+    words = {"constraints": "overlap", "heuristic": "hm"}
+    plans = rp.plan_boxes(order, "0.3x0.3x0.2", boxes_max=3, **words)
+    assert len(plans) == 2
+    assert sorted(p.item for plan in plans for p in plan.placements) == sorted(names)
+    for plan in plans:
+        assert len({groups[p.item] for p in plan.placements if p.item in groups}) == 1
+        assert rp.verify(plan).ok
+    (one,) = rp.plan_boxes(order, "0.3x0.3x0.2", boxes_max=1, **words)
+    assert {left.reason for left in one.leftovers} == {"kept-apart"}

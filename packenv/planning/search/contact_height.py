@@ -69,7 +69,7 @@ class _LowerFaces:
     def of(self, item: Item, oriented: OrientedItem) -> FacesByCell:
         """Those of an item at an orientation, made where they are not kept."""
         known = self._kept.get(oriented)
-        if known is not None and known[0] is item:
+        if known is not None and known[0].vertices is item.vertices:
             return known[1]
         faces = lower_faces(item, oriented)
         self._bytes += faces.nbytes
