@@ -208,7 +208,7 @@ def agree_on_large_piles(rng: np.random.Generator, n: int) -> Counter:
 
 
 def test_rings_answer_as_the_reference_does_of_large_piles():
-    seen = agree_on_large_piles(np.random.default_rng(11), 30)
+    seen = agree_on_large_piles(np.random.default_rng(11), 60)
     assert seen["pile", True] + seen["pile", False] >= 2
 
 
