@@ -165,6 +165,10 @@ def agree(rng: np.random.Generator, n: int) -> Counter:
             "cvxpy": solve_cvxpy(eq),
         }
         words = {name: a.status for name, a in answers.items()}
+        # An interior point ends a little off the edge: others are asked after it.
+        if words["clarabel"] == "undecided":
+            seen["left open"] += 1
+            del words["clarabel"]
         assert len(set(words.values())) == 1, (number, words)
         assert words["highs"] != "undecided", number
         for answer in answers.values():
@@ -191,6 +195,7 @@ def test_all_solvers_agree_on_random_piles():
     assert seen["stable"] >= 90
     assert seen["unstable"] >= 90
     assert seen["near"] <= 6
+    assert seen["left open"] == 0
 
 
 @pytest.mark.slow
@@ -198,6 +203,7 @@ def test_all_solvers_agree_on_thousands_of_random_piles():
     seen = agree(np.random.default_rng(7), 5000)
     assert min(seen["stable"], seen["unstable"]) >= 1500
     assert seen["near"] <= 100
+    assert seen["left open"] <= 5
 
 
 def test_fast_solvers_agree_where_it_is_close():
