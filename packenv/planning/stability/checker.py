@@ -183,6 +183,9 @@ class StabilityChecker:
 _FEW = 3
 """Up to so many free items least squares takes a quarter to half of what simplex takes."""
 
+_GROWTH = 2.0
+"""How many times as many items a ring holds as the one before, at least."""
+
 _MOST_OF_IT = 0.7
 """Rings that hold more of the pile than this are left out: the whole pile is asked at once."""
 
@@ -237,15 +240,18 @@ class _Question:
         """Change forces around the new item only, farther and farther; None where that decides nothing."""
         first, second = self.contacts.first, self.contacts.second
         inside = np.zeros(len(self.mass) + 1, dtype=bool)
-        may_change = touching
+        may_change, near = touching, np.empty(0, dtype=np.int64)
         by: DecidedBy = "first-order"
         while True:
-            inside[first[may_change]] = inside[second[may_change]] = True
-            inside[0] = False
-            near = np.flatnonzero(inside)
+            least, grown = _GROWTH * len(near), True
+            while grown and (len(near) < least or not len(near)):
+                inside[first[may_change]] = inside[second[may_change]] = True
+                inside[0] = False
+                near = np.flatnonzero(inside)
+                before, may_change = may_change, inside[first] | inside[second]
+                grown = not np.array_equal(before, may_change)
             if inside[1:].all() or (by == "pile" and len(near) > _MOST_OF_IT * len(self.mass)):
                 return None
-            may_change = inside[first] | inside[second]
             within = may_change & (inside[first] | (first == 0)) & (inside[second] | (second == 0))
             answer = self._solve_some(near, within, known)
             result = self._yes(answer, within, known, by)
