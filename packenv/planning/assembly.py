@@ -13,6 +13,7 @@ from packenv.extensions import code_digest, is_extension, load_extension, made_e
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.admission import Admission
+from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.constraints import Constraint
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
@@ -250,22 +251,30 @@ def assemble(
 
 
 def packer(
-    options: PlanOptions, planner: Planner, better: Callable[[Packing], tuple[float, ...]] = goal
+    options: PlanOptions,
+    planner: Planner,
+    better: Callable[[Packing], tuple[float, ...]] = goal,
+    report: Callable[[str], None] = lambda line: None,
 ) -> Packer:
     """What packs orders as the options ask: the planner that was made of them, or one for each rule of ``auto``.
 
     Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
-    planner does alone.
+    planner does alone. With a budget it is the search that begins with their plan.
 
     Args:
         options: how to plan.
         planner: made of them.
-        better: which of the plans of ``auto`` is kept.
+        better: which of several plans is kept.
+        report: is told of what a search finds, a line each.
     """
-    if options.heuristic != AUTO or options.asks_physics:
-        return planner
-    rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
-    return Portfolio([replace(planner, heuristic=rule) for rule in rules], better)
+    members = [planner]
+    if options.heuristic == AUTO and not options.asks_physics:
+        members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
+    budget = Budget(options.budget, options.plans)
+    if not budget.given:
+        return planner if members == [planner] else Portfolio(members, better)
+    once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
+    return Anytime(Portfolio(once, better), members, budget, options.goal, options.seed, report, better)
 
 
 def as_paper(

@@ -26,6 +26,8 @@ Places: TypeAlias = Literal["grid", "exact"]
 GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
+Goal: TypeAlias = Literal["items", "height"]
+"""What a search is after: most items, and then it ends; or most items, and then the lowest pile."""
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -131,6 +133,10 @@ class PlanOptions:
         search: ``3d`` with the fallback, or ``5d`` at once.
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        budget: seconds in which better plans are searched for (:mod:`packenv.planning.anytime`); None makes the
+            first plan alone.
+        plans: the same, as a number of plans: the same number gives the same plan.
+        goal: what is better: ``items``: most items, and then it ends; ``height``: then the lowest pile.
         max_checked: the paper's N.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
@@ -208,6 +214,22 @@ class PlanOptions:
         "plan an incomplete order up to N times again with its leftovers first; none with several boxes",
         whole=True,
     )
+    budget: float | None = _number(
+        None,
+        "search for better plans for so many seconds; Ctrl-C gives the best so far",
+        most=1e6,
+        optional=True,
+    )
+    plans: int | None = _number(
+        None,
+        "search for better plans, so many of them; the same number gives the same plan",
+        whole=True,
+        most=10**9,
+        optional=True,
+    )
+    goal: Goal = _words(
+        Goal, "items", "what the search is after: most items, and then it ends, or then also the lowest pile"
+    )
     max_checked: int = _number(
         100, "candidates of one item that are put to the constraints", whole=True, least=1, most=100_000
     )
@@ -271,6 +293,8 @@ class PlanOptions:
                 "stability physics: needs force balance, which constraints overlap leaves out; "
                 "give constraints stability or robot"
             )
+        if self.stability == "physics" and (self.budget is not None or self.plans is not None):
+            raise InputError("budget and plans: a plan under stability physics takes minutes; leave them out")
         if self.asks_physics and self.geometry == "mesh":
             asks = "stability physics" if self.stability == "physics" else f"rehearse {self.rehearse}"
             raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")
@@ -360,6 +384,9 @@ PAPER: Mapping[str, Any] = {
     "search": "3d",
     "sequence": "volume",
     "restarts": 0,
+    "budget": None,
+    "plans": None,
+    "goal": "items",
     "max_checked": 100,
     "clearance": 0.0,
     "rehearse": 0,
