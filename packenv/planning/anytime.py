@@ -46,7 +46,7 @@ class Budget:
     """How long to search.
 
     Attributes:
-        seconds: of time, the first plan included; None has no limit.
+        seconds: of time, the first plan included, which is made whatever it takes; None has no limit.
         plans: how many plans are made after the first; None has no limit. The same number gives the same plan.
     """
 
@@ -193,10 +193,14 @@ class _Walk:
         """Search until the aim or the budget is reached, or somebody stops it."""
         kept = [left for left in self.best.leftovers if left.reason not in PERHAPS]
         self.left_over = tuple(kept)
+        if self.done():
+            return
+        placed = Counter(sequence) & Counter(p.item for p in self.best.placements)
+        as_packed = (*(p.item for p in self.best.placements), *(Counter(sequence) - placed).elements())
+        begin = dict.fromkeys((tuple(sequence), as_packed))
         try:
-            current = min(
-                (self.trail(tuple(sequence), k, None) for k in range(len(self.rules))), key=self.cost
-            )
+            trails = (self.trail(names, k, None) for names in begin for k in range(len(self.rules)))
+            current = min(trails, key=self.cost)
             best, stale, idle = current, 0, 0
             while not self.done() and time.monotonic() < self.end and idle < _STALE:
                 changed = self.changed(current)

@@ -270,11 +270,11 @@ def packer(
     members = [planner]
     if options.heuristic == AUTO and not options.asks_physics:
         members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
+    first = planner if members == [planner] else Portfolio(members, better)
     budget = Budget(options.budget, options.plans)
     if not budget.given:
-        return planner if members == [planner] else Portfolio(members, better)
-    once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
-    return Anytime(Portfolio(once, better), members, budget, options.goal, options.seed, report, better)
+        return first
+    return Anytime(first, members, budget, options.goal, options.seed, report, better)
 
 
 def as_paper(
