@@ -150,3 +150,32 @@ def shared_along(a, at_a, b, at_b, axis, counts):  # type: ignore[no-untyped-def
         counts[t] = value
         slope += ramps[t]
         value += slope
+
+
+@compiled
+def least(costs, along_x, along_y):  # type: ignore[no-untyped-def]
+    """The place of least cost, and of equal ones the lowest in a corner.
+
+    Args:
+        costs: (nx, ny, nz) cost of each place; what is below a half is rounding, and nothing.
+        along_x: 1 prefers small x, -1 large.
+        along_y: likewise.
+
+    Returns:
+        its cost, and its x, y and z.
+    """
+    nx, ny, nz = costs.shape
+    best, best_aside = np.inf, np.inf
+    at = (0, 0, 0)
+    for x in range(nx):
+        for y in range(ny):
+            for z in range(nz):
+                cost = costs[x, y, z]
+                if cost > best:
+                    continue
+                if cost < 0.5:
+                    cost = 0.0
+                aside = 2 * z + along_x * x + along_y * y
+                if cost < best or aside < best_aside:
+                    best, best_aside, at = cost, aside, (x, y, z)
+    return best, at[0], at[1], at[2]

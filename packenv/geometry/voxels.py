@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,14 +33,30 @@ class Voxels:
         return int(np.count_nonzero(self.grid))
 
     def places(self, size: tuple[float, float, float]) -> tuple[int, int, int]:
-        """Number of voxels along x, y and z at which the item may begin in a box; 0 or less where it does not fit.
+        """Number of voxels along x, y and z at which the item may begin in a box; 0 where it does not fit.
+
+        What reaches beyond a wall by less than the clearance of the audit fits, at one place.
 
         Args:
             size: of the box, m.
         """
-        free = np.floor((np.add(size, CLEARANCE) - self.extents) / self.pitch + 1e-9)
+        room = np.add(size, TOUCH_TOLERANCE) - self.extents
+        free = np.maximum(np.floor(room / self.pitch + 1e-9), np.where(room >= -CLEARANCE, 0.0, -1.0))
         x, y, z = (int(n) + 1 for n in free)
         return x, y, z
+
+    def within(self, shape: tuple[int, int, int]) -> Voxels:
+        """The item without the voxels by which it is larger than a box of this shape."""
+        if all(n <= most for n, most in zip(self.grid.shape, shape, strict=True)):
+            return self
+        x, y, z = shape
+        return replace(self, grid=np.ascontiguousarray(self.grid[:x, :y, :z]))
+
+
+def voxels_across(size: tuple[float, float, float], pitch: float) -> tuple[int, int, int]:
+    """Voxels of a box along x, y and z; the last ones may reach beyond its walls."""
+    x, y, z = (max(1, math.ceil((s - TOUCH_TOLERANCE) / pitch)) for s in size)
+    return x, y, z
 
 
 def voxelize(item: Item, rotation: FloatArray, pitch: float) -> Voxels:

@@ -14,6 +14,9 @@ from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.admission import Admission
 from packenv.planning.constraints import Constraint
+from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
+from packenv.planning.layouts.layout_packer import LayoutPacker, LayoutSearch
+from packenv.planning.layouts.separation import Separation
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import AUTO, OWN, STANDS_FOR_AUTO, PlanOptions, StabilityRule
@@ -34,6 +37,9 @@ from packenv.types import Container, Item, OrientedItem
 
 MEMBERS = ("minz", "hm", "dblf", "mta")
 """The rules of ``auto``."""
+LAYOUT_SECONDS = 20.0
+"""How long layouts are looked for where nothing else is asked."""
+_SEARCHES: Mapping[str, Callable[[], LayoutSearch]] = {"separate": Separation, "gls": GuidedLocalSearch}
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
 EACH_WITH_MARGIN = 12
@@ -250,9 +256,12 @@ def assemble(
 
 
 def packer(
-    options: PlanOptions, planner: Planner, better: Callable[[Packing], tuple[float, ...]] = goal
+    options: PlanOptions,
+    planner: Planner,
+    shapes: Mapping[str, Item],
+    better: Callable[[Packing], tuple[float, ...]] = goal,
 ) -> Packer:
-    """What packs orders as the options ask: the planner that was made of them, or one for each rule of ``auto``.
+    """What packs orders as the options ask: the planner made of them, one for each rule of ``auto``, or layouts.
 
     Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
     planner does alone.
@@ -260,12 +269,17 @@ def packer(
     Args:
         options: how to plan.
         planner: made of them.
-        better: which of the plans of ``auto`` is kept.
+        shapes: every item of the order by name, of the geometry that is planned with.
+        better: which of the plans is kept, where there are several.
     """
-    if options.heuristic != AUTO or options.asks_physics:
-        return planner
-    rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
-    return Portfolio([replace(planner, heuristic=rule) for rule in rules], better)
+    found: Packer = planner
+    if options.heuristic == AUTO and not options.asks_physics:
+        rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
+        found = Portfolio([replace(planner, heuristic=rule) for rule in rules], better)
+    if options.method == "search":
+        return found
+    seconds = LAYOUT_SECONDS if options.budget is None else options.budget
+    return LayoutPacker(planner, found, shapes, _SEARCHES[options.method](), options.method, better, seconds)
 
 
 def as_paper(

@@ -26,6 +26,7 @@ Places: TypeAlias = Literal["grid", "exact"]
 GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
+Method: TypeAlias = Literal["search", "separate", "gls"]
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -129,6 +130,9 @@ class PlanOptions:
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         search: ``3d`` with the fallback, or ``5d`` at once.
+        method: ``search``: one item after another (the paper). By layouts of all items at once that become plans
+            (:mod:`packenv.planning.layouts`): ``separate``: overlaps are moved out; ``gls``: guided local search.
+        budget: seconds for layouts, in each box that is tried; None takes 20.
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         max_checked: the paper's N.
@@ -199,6 +203,19 @@ class PlanOptions:
     )
     search: Search = _words(
         Search, "3d", "stable poses first and perturbed ones as the fallback, or all at once"
+    )
+    method: Method = _words(
+        Method,
+        "search",
+        "items are placed one after another; or all are in the box from the start and overlaps are moved out, by "
+        "separation or by guided local search, before a sequence is looked for in which they can be lowered",
+    )
+    budget: float | None = _number(
+        None,
+        "seconds that separate and gls may take in a box; none: 20",
+        least=0,
+        most=1e6,
+        optional=True,
     )
     sequence: Sequencing = _words(
         Sequencing, "volume", "by non-increasing bounding-box volume, or as the order gives it"
@@ -358,6 +375,7 @@ PAPER: Mapping[str, Any] = {
     "places": "grid",
     "grasp": "paper",
     "search": "3d",
+    "method": "search",
     "sequence": "volume",
     "restarts": 0,
     "max_checked": 100,

@@ -50,8 +50,7 @@ class OverlapMap:
         from scipy import fft
 
         x, y, z = self._shape
-        grid = item.grid[: self.field.shape[0], : self.field.shape[1], : self.field.shape[2]]
-        own = fft.rfft(grid.astype(np.float32), z, axis=2)
+        own = fft.rfft(item.grid.astype(np.float32), z, axis=2)
         own = fft.fft(own, y, axis=1, overwrite_x=True)
         own = fft.fft(own, x, axis=0, overwrite_x=True)
         np.conjugate(own, out=own)
