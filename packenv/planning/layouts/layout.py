@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,6 +28,19 @@ _KNOWN: WeakKeyDictionary[OrientedItem, dict[float, Voxels]] = WeakKeyDictionary
 def pitch_for(container: Container) -> float:
     """Side of a voxel for a container, m."""
     return max(math.ceil(math.cbrt(container.volume / VOXELS) / _STEP - 1e-6), 1) * _STEP
+
+
+class Arranged(Protocol):
+    """One piece of an arrangement, which has one orientation or more."""
+
+    @property
+    def orientations(self) -> Sequence[object]:
+        """What is known of each orientation; their number counts."""
+        ...
+
+    def voxels(self, kind: int, pitch: float) -> Voxels:
+        """The piece at one of its orientations."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +87,7 @@ class Arrangement:
 
     Attributes:
         pieces: what is arranged.
-        container: the box.
+        size: of the box, m.
         pitch: side of a voxel, m.
         fixed: (nx, ny, nz) bool, voxels that are taken already; None where there are none.
         shape: voxels of the box along x, y and z.
@@ -84,8 +98,8 @@ class Arrangement:
             what it has there counts as overlap.
     """
 
-    pieces: Sequence[Movable]
-    container: Container
+    pieces: Sequence[Arranged]
+    size: tuple[float, float, float]
     pitch: float
     fixed: BoolArray | None = None
     shape: tuple[int, int, int] = field(init=False)
@@ -96,7 +110,7 @@ class Arrangement:
 
     def __post_init__(self) -> None:
         n = len(self.pieces)
-        self.shape = voxels_across(self.container.size, self.pitch)
+        self.shape = voxels_across(self.size, self.pitch)
         self.kinds, self.at = np.full(n, -1, dtype=np.int64), np.zeros((n, 3), dtype=np.int64)
         self.overlaps = np.zeros((n + 1, n + 1), dtype=np.int64)
         self.below = np.zeros((n + 1, n + 1), dtype=np.bool_)
@@ -123,7 +137,7 @@ class Arrangement:
 
     def places(self, piece: int, kind: int) -> tuple[int, int, int]:
         """Number of places of a piece at an orientation along x, y and z."""
-        return self.pieces[piece].voxels(kind, self.pitch).places(self.container.size)
+        return self.pieces[piece].voxels(kind, self.pitch).places(self.size)
 
     def others(self, piece: int) -> Iterable[tuple[int, BoolArray, IntArray]]:
         """Number, voxels and place of each other piece that is somewhere, and of what is fixed.

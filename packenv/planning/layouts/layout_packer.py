@@ -93,7 +93,7 @@ class LayoutPacker:
         found: list[Packing] = []
         while fits and pieces and effort.left():
             arrangement = self.arrange(pieces, container, start, rng, effort)
-            packing = self.lowered(arrangement, list(pieces), sequence, items, start)
+            packing = self.lowered(arrangement, pieces, sequence, items, container, start)
             found.append(replace(packing, made_by=self.name))
             if packing.complete and not packing.risk:
                 return found[-1]
@@ -129,7 +129,7 @@ class LayoutPacker:
     ) -> Arrangement:
         """A layout of the pieces, free of overlap and with a loading sequence where the effort allows it."""
         pitch = pitch_for(container)
-        arrangement = Arrangement(list(pieces.values()), container, pitch)
+        arrangement = Arrangement(list(pieces.values()), container.size, pitch)
         if start is not None:
             arrangement.fixed = taken(start.surface, pitch, arrangement.shape)
         for _ in range(UNTANGLED):
@@ -144,30 +144,33 @@ class LayoutPacker:
     def lowered(
         self,
         arrangement: Arrangement,
-        numbers: Sequence[int],
+        pieces: Mapping[int, Movable],
         sequence: Sequence[str],
         items: Mapping[str, PreparedItem],
+        container: Container,
         start: Pile | None,
     ) -> Packing:
         """The packing that a layout becomes: what can be loaded in its loading sequence, then all others.
 
         Args:
             arrangement: the layout.
-            numbers: where in the sequence each of its pieces is.
+            pieces: its pieces, by their place in the sequence.
             sequence: item names.
             items: by name.
+            container: the box.
             start: what the container holds already.
         """
         loaded = loading_sequence(arrangement, free_of_overlap(arrangement))
-        first = [numbers[k] for k in loaded]
+        movables = list(pieces.items())
+        first = [movables[k][0] for k in loaded]
         order = [*first, *(k for k in range(len(sequence)) if k not in set(first))]
         names = [sequence[k] for k in order]
         corners = arrangement.at * arrangement.pitch
         targets = {
-            piece: Target(arrangement.pieces[k].orientations[arrangement.kinds[k]], *corners[k, :2].tolist())
+            piece: Target(movables[k][1].orientations[arrangement.kinds[k]], *corners[k, :2].tolist())
             for piece, k in zip(pieces_of(names), loaded, strict=False)
         }
-        run = LayoutPass(self.planner, items, arrangement.container, start, targets=targets)
+        run = LayoutPass(self.planner, items, container, start, targets=targets)
         return run.pack(names)
 
 

@@ -48,7 +48,7 @@ def arrangement_of(names: list[str], container: Container = BOX) -> Arrangement:
     for name in names:
         oriented = [o for o in shelf().prepared[name].orientations if (o.extents <= container.size).all()]
         pieces.append(Movable(shelf().shapes[name], oriented or shelf().prepared[name].orientations))
-    return Arrangement(pieces, container, PITCH)
+    return Arrangement(pieces, container.size, PITCH)
 
 
 def scattered(seed: int, names: list[str] | None = None) -> Arrangement:

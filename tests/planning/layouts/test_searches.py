@@ -44,7 +44,7 @@ def test_a_layout_without_overlap_passes_the_exact_audit(search: LayoutSearch, s
         )
         bounds = posed[-1].bounds
         assert (bounds[0] >= -2e-5).all()
-        assert (bounds[1] <= np.add(found.container.size, 2e-5)).all()
+        assert (bounds[1] <= np.add(found.size, 2e-5)).all()
     for k, one in enumerate(posed):
         assert all(overlap_depth(one, other) == 0.0 for other in posed[:k])
 
