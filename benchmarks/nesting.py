@@ -101,7 +101,7 @@ def loaded(instance: Instance, sequence: Sequence[int]) -> tuple[int, list[tuple
         grid = instance.pieces[k].grid
         size = (x, y, int(heights.max()) + tall)
         below = np.arange(size[2]) < heights[:, :, None]
-        costs = OverlapMap(below.astype(np.float32)).at(grid, grid.places(size))
+        costs = OverlapMap(below.astype(np.float32)).at(grid.grid, grid.places(size))
         _, i, j, z = least(costs, 1.0, 1.0)
         places[k] = (i, j, z)
         w, d, h = grid.grid.shape

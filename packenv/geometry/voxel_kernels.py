@@ -179,3 +179,60 @@ def least(costs, along_x, along_y):  # type: ignore[no-untyped-def]
                 if cost < best or aside < best_aside:
                     best, best_aside, at = cost, aside, (x, y, z)
     return best, at[0], at[1], at[2]
+
+
+@compiled
+def halved(field, sums):  # type: ignore[no-untyped-def]
+    """Sum blocks of 2 x 2 x 2 of ``field`` (nx, ny, nz) into ``sums`` (half of each, rounded up), which is all 0."""
+    nx, ny, nz = field.shape
+    for x in range(nx):
+        for y in range(ny):
+            for z in range(nz):
+                sums[x // 2, y // 2, z // 2] += field[x, y, z]
+
+
+@compiled
+def weight_at(field, grid, x, y, z):  # type: ignore[no-untyped-def]
+    """Sum of ``field`` (nx, ny, nz) over the voxels of ``grid`` (w, d, h) when it begins there."""
+    w, d, h = grid.shape
+    total = 0.0
+    for i in range(w):
+        for j in range(d):
+            for k in range(h):
+                if grid[i, j, k]:
+                    total += field[x + i, y + j, z + k]
+    return total
+
+
+@compiled
+def descend(field, grid, at, places, along_x, along_y):  # type: ignore[no-untyped-def]
+    """From a place go to the best of its 26 neighbours, again and again, as long as that is better.
+
+    Args:
+        field: (nx, ny, nz) cost of each voxel.
+        grid: (w, d, h) bool.
+        at: x, y and z to begin at.
+        places: numbers of places along x, y and z.
+        along_x: as in :func:`least`.
+        along_y: likewise.
+
+    Returns:
+        the cost there, and its x, y and z.
+    """
+    x, y, z = at
+    best = weight_at(field, grid, x, y, z)
+    best_aside = 2 * z + along_x * x + along_y * y
+    while True:
+        found = (x, y, z)
+        for i in range(max(x - 1, 0), min(x + 2, places[0])):
+            for j in range(max(y - 1, 0), min(y + 2, places[1])):
+                for k in range(max(z - 1, 0), min(z + 2, places[2])):
+                    aside = 2 * k + along_x * i + along_y * j
+                    if best == 0.0 and aside >= best_aside:
+                        continue
+                    cost = weight_at(field, grid, i, j, k)
+                    if cost < best or (cost == best and aside < best_aside):
+                        best, best_aside, found = cost, aside, (i, j, k)
+        if found == (x, y, z):
+            return best, x, y, z
+        x, y, z = found

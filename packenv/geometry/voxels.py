@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.geometry.raster_kernels import TOUCH_TOLERANCE, settle
-from packenv.geometry.voxel_kernels import touch
-from packenv.types import BoolArray, FloatArray, Item
+from packenv.geometry.voxel_kernels import halved, touch
+from packenv.types import BoolArray, Float32Array, FloatArray, Item
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,15 @@ class Voxels:
     grid: BoolArray
     extents: FloatArray
     pitch: float
+
+    @cached_property
+    def coarse(self) -> Float32Array:
+        """(half of each side, rounded up) the share of each block of 2 x 2 x 2 voxels that is set."""
+        w, d, h = (n + 1 >> 1 for n in self.grid.shape)
+        sums = np.zeros((w, d, h), dtype=np.float32)
+        halved(self.grid, sums)
+        sums *= np.float32(0.125)
+        return sums
 
     @property
     def count(self) -> int:

@@ -9,6 +9,7 @@ exact volume is at most too large.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from packenv.geometry.voxel_kernels import shared_along
 from packenv.planning.layouts.effort import Effort
-from packenv.planning.layouts.layout import Arrangement, Layout
+from packenv.planning.layouts.layout import Arrangement, Layout, WillDo, without_overlap
 from packenv.types import FloatArray, IntArray
 
 
@@ -34,13 +35,20 @@ class GuidedLocalSearch:
     tries: int = 3
     restarts: int = 5
 
-    def run(self, arrangement: Arrangement, rng: np.random.Generator, effort: Effort) -> Layout:
-        """Search until nothing overlaps or the effort is spent.
+    def run(
+        self,
+        arrangement: Arrangement,
+        rng: np.random.Generator,
+        effort: Effort,
+        will_do: WillDo = without_overlap,
+    ) -> Layout:
+        """Search until a layout will do or the effort is spent.
 
         Args:
             arrangement: is moved; the first start is from where its pieces are.
             rng: the same one makes the same moves.
             effort: how long to go on.
+            will_do: is asked of each layout that has less overlap than all before it.
 
         Returns:
             The layout with least overlap, where the arrangement then is.
@@ -50,18 +58,37 @@ class GuidedLocalSearch:
             share = effort.share(left)
             if left < self.restarts:
                 arrangement.kinds[:] = -1
-            found = self.climb(arrangement, rng, share)
+            least = math.inf if best is None else best.overlap
+            found, done = self.climb(arrangement, rng, share, will_do, least)
             effort.spent += share.spent
             if best is None or found.overlap < best.overlap:
                 best = found
-            if not best.overlap or not effort.left():
+            if done or not effort.left():
                 break
         assert best is not None
         arrangement.restore(best)
         return best
 
-    def climb(self, arrangement: Arrangement, rng: np.random.Generator, effort: Effort) -> Layout:
-        """One start: pieces that are nowhere at random places, then moves and penalties."""
+    def climb(
+        self,
+        arrangement: Arrangement,
+        rng: np.random.Generator,
+        effort: Effort,
+        will_do: WillDo,
+        least: float,
+    ) -> tuple[Layout, bool]:
+        """One start: pieces that are nowhere at random places, then moves and penalties.
+
+        Args:
+            arrangement: as for :meth:`run`.
+            rng: likewise.
+            effort: likewise.
+            will_do: likewise.
+            least: overlap of the best layout before.
+
+        Returns:
+            the layout with least overlap, and whether it will do.
+        """
         n = len(arrangement.pieces)
         for piece in np.flatnonzero(arrangement.kinds < 0).tolist():
             kind = int(rng.integers(len(arrangement.pieces[piece].orientations)))
@@ -69,8 +96,8 @@ class GuidedLocalSearch:
         sizes = [arrangement.voxels(piece).count for piece in range(n)]
         unit = self.weight * float(np.mean(sizes))
         penalties, best = np.zeros((n + 1, n + 1)), arrangement.layout
-        active = set(range(n))
-        while best.overlap and effort.left():
+        active, done = set(range(n)), best.overlap < least and will_do(arrangement)
+        while not done and effort.left():
             if not active:
                 active = self.penalize(arrangement, penalties)
             # In order of number: a set's own order is nobody's promise.
@@ -83,7 +110,8 @@ class GuidedLocalSearch:
             active |= before | set(np.flatnonzero(arrangement.overlaps[piece, :n]).tolist())
             if arrangement.overlap < best.overlap:
                 best = arrangement.layout
-        return best
+                done = best.overlap < least and will_do(arrangement)
+        return best, done
 
     def penalize(self, arrangement: Arrangement, penalties: FloatArray) -> set[int]:
         """Raise the penalty of the pair with the largest overlap / (1 + penalty), in place; the two of it."""

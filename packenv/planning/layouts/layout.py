@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from packenv.geometry.voxel_kernels import add_weighted, shared
 from packenv.geometry.voxels import Voxels, voxelize, voxels_across
-from packenv.planning.layouts.overlap_map import OverlapMap
-from packenv.types import BoolArray, Container, FloatArray, IntArray, Item, OrientedItem
+from packenv.types import BoolArray, Container, Float32Array, FloatArray, IntArray, Item, OrientedItem
 
 VOXELS = 480_000
 """About so many voxels a box is divided into: of 4 mm in the paper's box."""
@@ -77,6 +76,10 @@ class Layout:
     kinds: IntArray
     at: IntArray
     overlap: int
+
+
+WillDo: TypeAlias = "Callable[[Arrangement], bool]"
+"""Whether the layout that an arrangement has is what is looked for."""
 
 
 @dataclass(eq=False)
@@ -166,8 +169,8 @@ class Arrangement:
         for piece in np.flatnonzero(pairs[:-1].any(axis=1)).tolist():
             self.move(piece, int(self.kinds[piece]), self.at[piece])
 
-    def map_without(self, piece: int, weights: FloatArray) -> OverlapMap:
-        """What each voxel of the box costs a piece.
+    def costs_without(self, piece: int, weights: FloatArray) -> Float32Array:
+        """(nx, ny, nz) what each voxel of the box costs a piece.
 
         Args:
             piece: its number.
@@ -176,7 +179,7 @@ class Arrangement:
         total = np.zeros(self.shape, dtype=np.float32)
         for other, grid, at in self.others(piece):
             add_weighted(total, grid, *at.tolist(), np.float32(weights[other]))
-        return OverlapMap(total)
+        return total
 
     def move(self, piece: int, kind: int, at: Sequence[int] | IntArray) -> None:
         """Put a piece somewhere."""
@@ -206,3 +209,8 @@ class Arrangement:
         begin = middle - np.array(self.voxels(piece, kind).grid.shape) // 2
         inside: IntArray = np.clip(begin, 0, np.array(self.places(piece, kind)) - 1)
         return inside
+
+
+def without_overlap(arrangement: Arrangement) -> bool:
+    """Whether nothing overlaps."""
+    return arrangement.overlap == 0

@@ -14,7 +14,7 @@ from packenv.config import CLEARANCE
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.inquiry import Inquiry
 from packenv.planning.layouts.effort import Effort
-from packenv.planning.layouts.layout import Arrangement, Layout, Movable, pitch_for
+from packenv.planning.layouts.layout import Arrangement, Layout, Movable, WillDo, pitch_for, without_overlap
 from packenv.planning.layouts.layout_pass import LayoutPass, Target
 from packenv.planning.layouts.loading import free_of_overlap, loading_sequence, to_untangle
 from packenv.planning.packing import Packing, Pile
@@ -28,12 +28,51 @@ from packenv.types import BoolArray, Container, Item
 
 UNTANGLED = 5
 """How often a layout free of overlap, but with a cycle of blocked ways, is changed before it is begun anew."""
+SLACK = 0.05
+"""Share of a piece's voxels that may be another one's, too, before it is given no place of its own: voxels are larger
+than the items, and what is lowered to contact comes to rest a little higher than in the layout.
+"""
+PROMISING = 0.005
+"""Overlap, as a share of all voxels, up to which layouts are tried out."""
+
+
+@dataclass(eq=False)
+class _Promising:
+    """Tries out layouts with little overlap, each with half of the last one's or less.
+
+    Attributes:
+        try_out: whether an arrangement becomes a whole plan.
+        least: overlap of the last one that was tried.
+        done: whether one did.
+    """
+
+    try_out: Callable[[Arrangement], bool]
+    least: float = math.inf
+    done: bool = False
+
+    def __call__(self, arrangement: Arrangement) -> bool:
+        """Whether the search can end: the layout has no overlap, or it becomes a whole plan all the same."""
+        overlap = arrangement.overlap
+        if not overlap:
+            return True
+        if 2 * overlap <= self.least:
+            everything = sum(arrangement.voxels(k).count for k in range(len(arrangement.pieces)))
+            if overlap <= PROMISING * everything and not arrangement.below.any():
+                self.least = overlap
+                self.done = self.try_out(arrangement)
+        return self.done
 
 
 class LayoutSearch(Protocol):
     """What moves pieces until none overlap."""
 
-    def run(self, arrangement: Arrangement, rng: np.random.Generator, effort: Effort) -> Layout:
+    def run(
+        self,
+        arrangement: Arrangement,
+        rng: np.random.Generator,
+        effort: Effort,
+        will_do: WillDo = without_overlap,
+    ) -> Layout:
         """Move the pieces of an arrangement; it then has the layout with least overlap, which is returned."""
         ...
 
@@ -91,11 +130,16 @@ class LayoutPacker:
         rng, effort = np.random.default_rng(self.planner.seed), Effort(self.seconds, self.moves, self.clock)
         pieces = self.movables(sequence, items, container, start)
         found: list[Packing] = []
-        while fits and pieces and effort.left():
-            arrangement = self.arrange(pieces, container, start, rng, effort)
+
+        def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
             found.append(replace(packing, made_by=self.name))
-            if packing.complete and not packing.risk:
+            return packing.complete and not packing.risk
+
+        while fits and pieces and effort.left():
+            promising = _Promising(try_out)
+            arrangement = self.arrange(pieces, container, start, rng, effort, promising)
+            if promising.done or try_out(arrangement):
                 return found[-1]
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
@@ -126,14 +170,15 @@ class LayoutPacker:
         start: Pile | None,
         rng: np.random.Generator,
         effort: Effort,
+        will_do: WillDo,
     ) -> Arrangement:
-        """A layout of the pieces, free of overlap and with a loading sequence where the effort allows it."""
+        """A layout of the pieces that will do, or free of overlap and with a loading sequence as far as effort goes."""
         pitch = pitch_for(container)
         arrangement = Arrangement(list(pieces.values()), container.size, pitch)
         if start is not None:
             arrangement.fixed = taken(start.surface, pitch, arrangement.shape)
         for _ in range(UNTANGLED):
-            if self.search.run(arrangement, rng, effort).overlap or not effort.left():
+            if self.search.run(arrangement, rng, effort, will_do).overlap or not effort.left():
                 break
             pairs = to_untangle(arrangement)
             if not pairs.any():
@@ -160,7 +205,7 @@ class LayoutPacker:
             container: the box.
             start: what the container holds already.
         """
-        loaded = loading_sequence(arrangement, free_of_overlap(arrangement))
+        loaded = loading_sequence(arrangement, free_of_overlap(arrangement, SLACK))
         movables = list(pieces.items())
         first = [movables[k][0] for k in loaded]
         order = [*first, *(k for k in range(len(sequence)) if k not in set(first))]

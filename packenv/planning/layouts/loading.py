@@ -15,7 +15,8 @@ from packenv.types import BoolArray, IntArray
 def blocking(arrangement: Arrangement) -> BoolArray:
     """(n + 1, n + 1) whether one piece, by row, blocks the way down of another one, by column.
 
-    What is fixed is there first: it may block and waits for nothing. Pieces that are nowhere block nothing.
+    What is fixed is there first: it may block and waits for nothing. Pieces that are nowhere block nothing. Of two that
+    overlap the one that has less of it above the other counts as the one below.
     """
     n = len(arrangement.pieces)
     found = np.zeros((n + 1, n + 1), dtype=np.bool_)
@@ -31,6 +32,10 @@ def blocking(arrangement: Arrangement) -> BoolArray:
             own = tuple(slice(*pair) for pair in zip(low - low_i, high - low_i, strict=True))
             other = tuple(slice(*pair) for pair in zip(low - low_j, high - low_j, strict=True))
             found[i, j] = (top[own] > bottom[other]).any()
+    for i, j in np.argwhere(found & found.T & (arrangement.overlaps > 0)).tolist():
+        if i < j < n:
+            lower = (i, j) if above(arrangement, i, j) < above(arrangement, j, i) else (j, i)
+            found[lower] = False
     return found
 
 
@@ -93,16 +98,21 @@ def _extremes(grid: BoolArray, at: IntArray) -> tuple[IntArray, IntArray, IntArr
     return at[:2], top, bottom
 
 
-def free_of_overlap(arrangement: Arrangement) -> BoolArray:
+def free_of_overlap(arrangement: Arrangement, slack: float = 0.0) -> BoolArray:
     """(n,) pieces that can stay: those that overlap are taken out one by one, what overlaps most pieces first.
 
     Of pieces that overlap equally many, the smaller one goes. What shares voxels with what is fixed goes at once.
+
+    Args:
+        arrangement: the pieces.
+        slack: share of the smaller piece's voxels that may be the other's, too.
     """
     n = len(arrangement.pieces)
     stays: BoolArray = (arrangement.overlaps[:n, n] == 0) & (arrangement.kinds >= 0)
     sizes = np.array([arrangement.voxels(k).count if stays[k] else 0 for k in range(n)])
+    too_much = arrangement.overlaps[:n, :n] > slack * np.minimum(sizes, sizes[:, None])
     while True:
-        pairs = (arrangement.overlaps[:n, :n] > 0) & stays & stays[:, None]
+        pairs = too_much & stays & stays[:, None]
         counts = pairs.sum(axis=1)
         if not counts.any():
             return stays

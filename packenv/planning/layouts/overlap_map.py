@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from packenv.geometry.voxels import Voxels
-from packenv.types import Float32Array
+from packenv.types import BoolArray, Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +34,13 @@ class OverlapMap:
         x, y, z = self.field.shape
         return fft.next_fast_len(x), fft.next_fast_len(y), fft.next_fast_len(z, real=True)
 
-    def at(self, item: Voxels, places: tuple[int, int, int]) -> Float32Array:
-        """The weight of the item's voxels at each place, to single precision.
+    def at(self, grid: BoolArray | Float32Array, places: tuple[int, int, int]) -> Float32Array:
+        """The weight of an item's voxels at each place, to single precision.
 
         Axis by axis, so that lines without a voxel of the item, and places outside the box, cost nothing.
 
         Args:
-            item: the item.
+            grid: (w, d, h) the item.
             places: (3,) numbers of places along x, y and z, each at least 1, see :meth:`Voxels.places`.
 
         Returns:
@@ -50,7 +49,7 @@ class OverlapMap:
         from scipy import fft
 
         x, y, z = self._shape
-        own = fft.rfft(item.grid.astype(np.float32), z, axis=2)
+        own = fft.rfft(grid.astype(np.float32), z, axis=2)
         own = fft.fft(own, y, axis=1, overwrite_x=True)
         own = fft.fft(own, x, axis=0, overwrite_x=True)
         np.conjugate(own, out=own)

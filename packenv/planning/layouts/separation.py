@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.geometry.voxel_kernels import least
+from packenv.geometry.voxel_kernels import descend, halved, least
 from packenv.planning.layouts.effort import Effort
-from packenv.planning.layouts.layout import Arrangement, Layout
+from packenv.planning.layouts.layout import Arrangement, Layout, WillDo, without_overlap
+from packenv.planning.layouts.overlap_map import OverlapMap
 from packenv.types import FloatArray
 
 _HEAVIEST = 1e4
@@ -43,13 +44,20 @@ class Separation:
             self.move(arrangement, piece, ones, rng)
             effort.spent += 1
 
-    def run(self, arrangement: Arrangement, rng: np.random.Generator, effort: Effort) -> Layout:
-        """Move until nothing overlaps or the effort is spent.
+    def run(
+        self,
+        arrangement: Arrangement,
+        rng: np.random.Generator,
+        effort: Effort,
+        will_do: WillDo = without_overlap,
+    ) -> Layout:
+        """Move until a layout will do or the effort is spent.
 
         Args:
             arrangement: is moved; pieces that are nowhere are put in first.
             rng: the same one makes the same moves.
             effort: how long to go on.
+            will_do: is asked of each layout that has less overlap than all before it.
 
         Returns:
             The layout with least overlap, where the arrangement then is.
@@ -57,7 +65,8 @@ class Separation:
         self.start(arrangement, rng, effort)
         n = len(arrangement.pieces)
         weights, best, stale = np.ones((n + 1, n + 1)), arrangement.layout, 0
-        while best.overlap and effort.left():
+        done = will_do(arrangement)
+        while not done and effort.left():
             for piece in rng.permutation(arrangement.colliding).tolist():
                 if not effort.left():
                     break
@@ -67,7 +76,7 @@ class Separation:
             self.reweigh(weights, arrangement)
             stale += 1
             if arrangement.overlap < best.overlap:
-                best, stale = arrangement.layout, 0
+                best, stale, done = arrangement.layout, 0, will_do(arrangement)
             elif stale >= self.patience:
                 arrangement.restore(best)
                 self.disturb(arrangement, rng)
@@ -78,21 +87,28 @@ class Separation:
     def move(
         self, arrangement: Arrangement, piece: int, weights: FloatArray, rng: np.random.Generator
     ) -> None:
-        """Put a piece where it overlaps least, at its own orientation or one of a few others.
+        """Put a piece where it overlaps least, at any of its orientations.
 
-        Of places without overlap the lowest one in a corner that is drawn is taken.
+        Blocks of voxels tell where about; from the most promising places it goes on voxel by voxel. Of places without
+        overlap a low one in a corner that is drawn is taken.
         """
-        costs = arrangement.map_without(piece, weights)
-        count = len(arrangement.pieces[piece].orientations)
-        now = int(arrangement.kinds[piece])
-        drawn = rng.permutation(count).tolist()
-        kinds = ([now] if now >= 0 else []) + [k for k in drawn if k != now]
-        corner = rng.choice([-1.0, 1.0], 2)
+        costs = arrangement.costs_without(piece, weights)
+        blocks = np.zeros([n + 1 >> 1 for n in costs.shape], dtype=np.float32)
+        halved(costs, blocks)
+        rough, corner = OverlapMap(blocks), rng.choice([-1.0, 1.0], 2)
+        starts: list[tuple[float, int, tuple[int, int, int]]] = []
+        for kind in rng.permutation(len(arrangement.pieces[piece].orientations)).tolist():
+            x, y, z = (n + 1 >> 1 for n in arrangement.places(piece, kind))
+            weight, *at = least(rough.at(arrangement.voxels(piece, kind).coarse, (x, y, z)), *corner)
+            starts.append((weight, kind, (2 * at[0], 2 * at[1], 2 * at[2])))
+        if arrangement.kinds[piece] >= 0:  # where it is is one of them
+            x, y, z = arrangement.at[piece].tolist()
+            starts.append((0.0, int(arrangement.kinds[piece]), (x, y, z)))
+        starts.sort(key=lambda one: one[0])
         found: list[tuple[float, int, tuple[int, int, int]]] = []
-        for kind in kinds[: self.tries]:
-            weight, *at = least(
-                costs.at(arrangement.voxels(piece, kind), arrangement.places(piece, kind)), *corner
-            )
+        for _, kind, begin in starts[: self.tries]:
+            grid, places = arrangement.voxels(piece, kind).grid, arrangement.places(piece, kind)
+            weight, *at = descend(costs, grid, begin, places, *corner)
             found.append((weight, kind, (at[0], at[1], at[2])))
             if weight == 0.0:
                 break

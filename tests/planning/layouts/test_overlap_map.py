@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from packenv.geometry.voxels import Voxels
 from packenv.planning.layouts.overlap_map import OverlapMap
 
 
@@ -17,7 +16,7 @@ def test_map_equals_counting(seed: int) -> None:
     field = rng.integers(0, 4, shape).astype(np.float32)
     grid = rng.random([rng.integers(1, n + 1) for n in shape]) < 0.6
     places = tuple(int(n) for n in shape - grid.shape + 1)
-    found = OverlapMap(field).at(Voxels(grid, np.ones(3), 1.0), places)
+    found = OverlapMap(field).at(grid, places)
     assert found.shape == places
     windows = np.lib.stride_tricks.sliding_window_view(field, grid.shape)
     counted = np.einsum("xyzijk,ijk->xyz", windows, grid.astype(np.float32))
