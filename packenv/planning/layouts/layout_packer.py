@@ -38,7 +38,7 @@ PROMISING = 0.005
 
 @dataclass(eq=False)
 class _Promising:
-    """Tries out layouts with little overlap, each with half of the last one's or less.
+    """Tries out layouts without overlap, and some with little, each with half of the last one's or less.
 
     Attributes:
         try_out: whether an arrangement becomes a whole plan.
@@ -53,14 +53,11 @@ class _Promising:
     def __call__(self, arrangement: Arrangement) -> bool:
         """Whether the search can end: the layout has no overlap, or it becomes a whole plan all the same."""
         overlap = arrangement.overlap
-        if not overlap:
-            return True
-        if 2 * overlap <= self.least:
-            everything = sum(arrangement.voxels(k).count for k in range(len(arrangement.pieces)))
-            if overlap <= PROMISING * everything and not arrangement.below.any():
-                self.least = overlap
-                self.done = self.try_out(arrangement)
-        return self.done
+        everything = sum(arrangement.voxels(k).count for k in range(len(arrangement.pieces)))
+        if not overlap or (2 * overlap <= self.least and overlap <= PROMISING * everything):
+            self.least = overlap
+            self.done = self.try_out(arrangement)
+        return self.done or not overlap
 
 
 class LayoutSearch(Protocol):
@@ -139,7 +136,7 @@ class LayoutPacker:
         while fits and pieces and effort.left():
             promising = _Promising(try_out)
             arrangement = self.arrange(pieces, container, start, rng, effort, promising)
-            if promising.done or try_out(arrangement):
+            if promising.done or (arrangement.overlap and try_out(arrangement)):
                 return found[-1]
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
@@ -170,20 +167,24 @@ class LayoutPacker:
         start: Pile | None,
         rng: np.random.Generator,
         effort: Effort,
-        will_do: WillDo,
+        promising: _Promising,
     ) -> Arrangement:
-        """A layout of the pieces that will do, or free of overlap and with a loading sequence as far as effort goes."""
+        """A layout of the pieces: one that became a whole plan, or else as far as the effort goes."""
         pitch = pitch_for(container)
         arrangement = Arrangement(list(pieces.values()), container.size, pitch)
         if start is not None:
             arrangement.fixed = taken(start.surface, pitch, arrangement.shape)
+        self.search.run(arrangement, rng, effort, promising)
         for _ in range(UNTANGLED):
-            if self.search.run(arrangement, rng, effort, will_do).overlap or not effort.left():
+            if promising.done or arrangement.overlap or not effort.left():
                 break
-            pairs = to_untangle(arrangement)
+            # Free of overlap, and yet no plan: with a cycle it is worth a part of what is left, else a new start.
+            pairs, share = to_untangle(arrangement), effort.share(UNTANGLED)
             if not pairs.any():
                 break
             arrangement.keep_below(pairs)
+            self.search.run(arrangement, rng, share, promising)
+            effort.spent += share.spent
         return arrangement
 
     def lowered(
@@ -212,7 +213,7 @@ class LayoutPacker:
         names = [sequence[k] for k in order]
         corners = arrangement.at * arrangement.pitch
         targets = {
-            piece: Target(movables[k][1].orientations[arrangement.kinds[k]], *corners[k, :2].tolist())
+            piece: Target(movables[k][1].orientations[arrangement.kinds[k]], corners[k])
             for piece, k in zip(pieces_of(names), loaded, strict=False)
         }
         run = LayoutPass(self.planner, items, container, start, targets=targets)

@@ -90,7 +90,8 @@ class Separation:
         """Put a piece where it overlaps least, at any of its orientations.
 
         Blocks of voxels tell where about; from the most promising places it goes on voxel by voxel. Of places without
-        overlap a low one in a corner that is drawn is taken.
+        overlap a low one in a corner that is drawn is taken. Where the piece is has no advantage: that it has to go
+        elsewhere, if only by a little, is what keeps the search from standing still.
         """
         costs = arrangement.costs_without(piece, weights)
         blocks = np.zeros([n + 1 >> 1 for n in costs.shape], dtype=np.float32)
@@ -101,9 +102,6 @@ class Separation:
             x, y, z = (n + 1 >> 1 for n in arrangement.places(piece, kind))
             weight, *at = least(rough.at(arrangement.voxels(piece, kind).coarse, (x, y, z)), *corner)
             starts.append((weight, kind, (2 * at[0], 2 * at[1], 2 * at[2])))
-        if arrangement.kinds[piece] >= 0:  # where it is is one of them
-            x, y, z = arrangement.at[piece].tolist()
-            starts.append((0.0, int(arrangement.kinds[piece]), (x, y, z)))
         starts.sort(key=lambda one: one[0])
         found: list[tuple[float, int, tuple[int, int, int]]] = []
         for _, kind, begin in starts[: self.tries]:
