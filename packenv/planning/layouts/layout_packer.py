@@ -29,8 +29,8 @@ from packenv.types import BoolArray, Container, Item
 UNTANGLED = 5
 """How often a layout free of overlap, but with a cycle of blocked ways, is changed before it is begun anew."""
 SLACK = 0.05
-"""Share of a piece's voxels that may be another one's, too, before it is given no place of its own: voxels are larger
-than the items, and what is lowered to contact comes to rest a little higher than in the layout.
+"""Share of a piece's voxels that may be another one's, too, or above it and in its way: voxels are larger than items,
+and what is lowered to contact comes to rest a little higher than in the layout, or aside.
 """
 PROMISING = 0.005
 """Overlap, as a share of all voxels, up to which layouts are tried out."""
@@ -182,7 +182,7 @@ class LayoutPacker:
             pairs, share = to_untangle(arrangement), effort.share(UNTANGLED)
             if not pairs.any():
                 break
-            arrangement.keep_below(pairs)
+            arrangement.keep_below(pairs > 0)
             self.search.run(arrangement, rng, share, promising)
             effort.spent += share.spent
         return arrangement
@@ -206,7 +206,10 @@ class LayoutPacker:
             container: the box.
             start: what the container holds already.
         """
-        loaded = loading_sequence(arrangement, free_of_overlap(arrangement, SLACK))
+        tangled = to_untangle(arrangement)
+        most = SLACK * np.array([*(arrangement.voxels(k).count for k in range(len(pieces))), 0])
+        slight = (tangled > 0) & (tangled <= most[:, None])
+        loaded = loading_sequence(arrangement, free_of_overlap(arrangement, SLACK), slight)
         movables = list(pieces.items())
         first = [movables[k][0] for k in loaded]
         order = [*first, *(k for k in range(len(sequence)) if k not in set(first))]

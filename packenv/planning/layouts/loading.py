@@ -39,18 +39,23 @@ def blocking(arrangement: Arrangement) -> BoolArray:
     return found
 
 
-def loading_sequence(arrangement: Arrangement, chosen: BoolArray) -> list[int]:
+def loading_sequence(
+    arrangement: Arrangement, chosen: BoolArray, ignored: BoolArray | None = None
+) -> list[int]:
     """Pieces in a sequence in which each has a free way down; of those that may be next the lowest one is.
 
     Args:
         arrangement: free of overlap among the chosen pieces.
         chosen: (n,) bool, those that are meant.
+        ignored: (n + 1, n + 1) blocked ways that do not count; None counts all.
 
     Returns:
         Their numbers, less those in a cycle of pieces that block each other and those that wait for such a one.
     """
     n, left, found = len(arrangement.pieces), chosen.copy(), list[int]()
     blocks = blocking(arrangement)
+    if ignored is not None:
+        blocks &= ~ignored
     while True:
         # Who blocks a piece that is still to come has to wait for it; what is fixed waits for nobody.
         free = np.flatnonzero(left & ~blocks[:n, :n][:, left].any(axis=1) & ~blocks[n, :n])
@@ -60,13 +65,13 @@ def loading_sequence(arrangement: Arrangement, chosen: BoolArray) -> list[int]:
         left[found[-1]] = False
 
 
-def to_untangle(arrangement: Arrangement) -> BoolArray:
+def to_untangle(arrangement: Arrangement) -> IntArray:
     """(n + 1, n + 1) blocked ways of which none may stay if there is to be a sequence: one, by row, above another one.
 
-    Of each cycle it is the one in which least of a piece is above the other.
+    Of each cycle it is the one in which least of a piece is above the other: how many voxels, and 0 for other pairs.
     """
     blocks = blocking(arrangement)
-    found = np.zeros_like(blocks)
+    found = np.zeros(blocks.shape, dtype=np.int64)
     amount = {(i, j): above(arrangement, i, j) for i, j in np.argwhere(blocks[:-1]).tolist()}
     while True:
         reach = blocks.copy()
@@ -75,8 +80,8 @@ def to_untangle(arrangement: Arrangement) -> BoolArray:
         tangled = [(amount[i, j], i, j) for i, j in np.argwhere((blocks & reach.T)[:-1]).tolist()]
         if not tangled:
             return found
-        _, i, j = min(tangled)
-        found[i, j], blocks[i, j] = True, False
+        least, i, j = min(tangled)
+        found[i, j], blocks[i, j] = least, False
 
 
 def above(arrangement: Arrangement, piece: int, other: int) -> int:
