@@ -67,7 +67,7 @@ def choose(
         memory: of this pile, where it comes again and again.
 
     Returns:
-        the set; None where nothing is legal.
+        the set; None where nothing is legal, or all that is would lie on what bears nothing.
     """
     inquiry = Inquiry(constraints, pile, memory=memory)
     allowed = inquiry.possible(orientations)
@@ -79,6 +79,10 @@ def choose(
     # A generator that is always the same: an own heuristic that draws must not differ from copy to copy.
     found = (heuristic(candidates, np.random.default_rng(0)) for heuristic in heuristics)
     scores = np.column_stack(tuple(found))
+    worth = np.flatnonzero(inquiry.screened(candidates))
+    if not len(worth):
+        return None
+    candidates, scores = candidates.only(worth), scores[worth]
 
     def passes(index: int) -> bool:
         return inquiry.ask(candidates.trial(index)).ok
