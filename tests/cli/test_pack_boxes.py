@@ -34,7 +34,9 @@ def test_each_box_has_files_of_its_own(folder: Path, capsys: pytest.CaptureFixtu
     words = [word for option, path in files.items() for word in (f"--{option}", path)]
     assert pack(folder, "--boxes-max", 4, *words) == 0
     printed = capsys.readouterr().out
-    assert printed.splitlines()[-1] == "3 boxes: 0.1x0.08x0.05 m, 0.1x0.08x0.05 m, 0.1x0.08x0.05 m: 3 of 3 items"
+    assert (
+        printed.splitlines()[-1] == "3 boxes: 0.1x0.08x0.05 m, 0.1x0.08x0.05 m, 0.1x0.08x0.05 m: 3 of 3 items"
+    )
     for path in files.values():
         assert not path.exists()
         for k in (1, 2, 3):
