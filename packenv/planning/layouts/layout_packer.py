@@ -16,7 +16,7 @@ from packenv.planning.inquiry import Inquiry
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement, Layout, Movable, WillDo, pitch_for, without_overlap
 from packenv.planning.layouts.layout_pass import LayoutPass, Target
-from packenv.planning.layouts.loading import free_of_overlap, loading_sequence, to_untangle
+from packenv.planning.layouts.loading import loadable, to_untangle
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass
 from packenv.planning.planner import Planner
@@ -206,10 +206,7 @@ class LayoutPacker:
             container: the box.
             start: what the container holds already.
         """
-        tangled = to_untangle(arrangement)
-        most = SLACK * np.array([*(arrangement.voxels(k).count for k in range(len(pieces))), 0])
-        slight = (tangled > 0) & (tangled <= most[:, None])
-        loaded = loading_sequence(arrangement, free_of_overlap(arrangement, SLACK), slight)
+        loaded = loadable(arrangement, SLACK)
         movables = list(pieces.items())
         first = [movables[k][0] for k in loaded]
         order = [*first, *(k for k in range(len(sequence)) if k not in set(first))]

@@ -65,6 +65,33 @@ def loading_sequence(
         left[found[-1]] = False
 
 
+def loadable(arrangement: Arrangement, slack: float) -> list[int]:
+    """A loading sequence of as many pieces as are found to do: of cycles, what is in most is taken out.
+
+    Args:
+        arrangement: the pieces.
+        slack: share of a piece's voxels that may be another one's, too, or above another one and in its way.
+    """
+    n, chosen, tangled = (
+        len(arrangement.pieces),
+        free_of_overlap(arrangement, slack),
+        to_untangle(arrangement),
+    )
+    sizes = np.array([arrangement.voxels(k).count if chosen[k] else 0 for k in range(n)])
+    slight = np.zeros(tangled.shape, dtype=np.bool_)
+    slight[:n] = (tangled[:n] > 0) & (tangled[:n] <= slack * sizes[:, None])
+    in_the_way = ((tangled > 0) & ~slight)[:n, :n]
+    while True:
+        found = loading_sequence(arrangement, chosen, slight)
+        left = np.setdiff1d(np.flatnonzero(chosen), found)
+        among = in_the_way[np.ix_(left, left)]
+        counts = among.sum(axis=0) + among.sum(axis=1)
+        if not counts.any():  # none is left, or what is fixed is in the way of those that are
+            return found
+        most = left[counts == counts.max()]
+        chosen[most[np.argmin(sizes[most])]] = False
+
+
 def to_untangle(arrangement: Arrangement) -> IntArray:
     """(n + 1, n + 1) blocked ways of which none may stay if there is to be a sequence: one, by row, above another one.
 

@@ -9,7 +9,13 @@ from hypothesis import given, settings, strategies as st
 
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement
-from packenv.planning.layouts.loading import blocking, free_of_overlap, loading_sequence, to_untangle
+from packenv.planning.layouts.loading import (
+    blocking,
+    free_of_overlap,
+    loadable,
+    loading_sequence,
+    to_untangle,
+)
 from packenv.planning.layouts.separation import Separation
 from packenv.types import Placement, Plan
 from packenv.verification.exact_meshes import audit_plan
@@ -80,6 +86,18 @@ def test_without_the_ways_to_untangle_there_is_a_sequence(seed: int) -> None:
         before = left.sum()
         left[:, free] = False
         assert left.sum() < before
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_most_is_loadable_and_nothing_of_it_blocks_what_comes_later(seed: int) -> None:
+    found = scattered(seed)
+    sequence, blocks = loadable(found, 0.0), blocking(found)
+    assert not found.overlaps[np.ix_(sequence, sequence)].any()
+    assert not any(blocks[a, b] for a, b in itertools.combinations(sequence, 2))
+    stays = free_of_overlap(found)
+    assert set(loading_sequence(found, stays)) <= set(sequence) <= set(np.flatnonzero(stays).tolist())
+    assert len(sequence) >= min(1, stays.sum())
 
 
 def test_a_stick_in_two_rings_is_a_cycle_that_separation_undoes() -> None:
