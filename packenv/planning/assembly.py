@@ -13,6 +13,7 @@ from packenv.extensions import code_digest, is_extension, load_extension, made_e
 from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.admission import Admission
+from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.constraints import Constraint
 from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
 from packenv.planning.layouts.layout_packer import LayoutPacker, LayoutSearch
@@ -260,26 +261,34 @@ def packer(
     planner: Planner,
     shapes: Mapping[str, Item],
     better: Callable[[Packing], tuple[float, ...]] = goal,
+    report: Callable[[str], None] = lambda line: None,
 ) -> Packer:
     """What packs orders as the options ask: the planner made of them, one for each rule of ``auto``, or layouts.
 
     Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
-    planner does alone.
+    planner does alone. With a budget it is the search that begins with their plan.
 
     Args:
         options: how to plan.
         planner: made of them.
         shapes: every item of the order by name, of the geometry that is planned with.
-        better: which of the plans is kept, where there are several.
+        better: which of several plans is kept.
+        report: is told of what a search finds, a line each.
     """
-    found: Packer = planner
+    members = [planner]
     if options.heuristic == AUTO and not options.asks_physics:
-        rules = (heuristic_named(name, options.tie_break) for name in MEMBERS)
-        found = Portfolio([replace(planner, heuristic=rule) for rule in rules], better)
-    if options.method == "search":
-        return found
-    seconds = LAYOUT_SECONDS if options.budget is None else options.budget
-    return LayoutPacker(planner, found, shapes, _SEARCHES[options.method](), options.method, better, seconds)
+        members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
+    alone = planner if members == [planner] else Portfolio(members, better)
+    budget = Budget(options.budget, options.plans)
+    if options.method != "search":
+        given = budget if budget.given else Budget(LAYOUT_SECONDS)
+        return LayoutPacker(
+            planner, alone, shapes, _SEARCHES[options.method](), options.method, better, given
+        )
+    if not budget.given:
+        return alone
+    once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
+    return Anytime(Portfolio(once, better), members, budget, options.goal, options.seed, report, better)
 
 
 def as_paper(

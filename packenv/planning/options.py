@@ -27,6 +27,8 @@ GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
 Method: TypeAlias = Literal["search", "separate", "gls"]
+Goal: TypeAlias = Literal["items", "height"]
+"""What a search is after: most items, and then it ends; or most items, and then the lowest pile."""
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -132,9 +134,14 @@ class PlanOptions:
         search: ``3d`` with the fallback, or ``5d`` at once.
         method: ``search``: one item after another (the paper). By layouts of all items at once that become plans
             (:mod:`packenv.planning.layouts`): ``separate``: overlaps are moved out; ``gls``: guided local search.
-        budget: seconds for layouts, in each box that is tried; None takes 20.
+            For these ``budget`` and ``plans`` say how long to go on, 20 seconds where neither is given; a round of
+            moves of all pieces counts as a plan. Smaller boxes of several are tried by ``search``.
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
+        budget: seconds in which better plans are searched for (:mod:`packenv.planning.anytime`); None makes the
+            first plan alone.
+        plans: the same, as a number of plans: the same number gives the same plan.
+        goal: what is better: ``items``: most items, and then it ends; ``height``: then the lowest pile.
         max_checked: the paper's N.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
@@ -208,14 +215,8 @@ class PlanOptions:
         Method,
         "search",
         "items are placed one after another; or all are in the box from the start and overlaps are moved out, by "
-        "separation or by guided local search, before a sequence is looked for in which they can be lowered",
-    )
-    budget: float | None = _number(
-        None,
-        "seconds that separate and gls may take in a box; none: 20",
-        least=0,
-        most=1e6,
-        optional=True,
+        "separation or by guided local search, before a sequence is looked for in which they can be lowered: for 20 "
+        "seconds, or as budget and plans say",
     )
     sequence: Sequencing = _words(
         Sequencing, "volume", "by non-increasing bounding-box volume, or as the order gives it"
@@ -224,6 +225,22 @@ class PlanOptions:
         3,
         "plan an incomplete order up to N times again with its leftovers first; none with several boxes",
         whole=True,
+    )
+    budget: float | None = _number(
+        None,
+        "search for better plans for so many seconds; Ctrl-C gives the best so far",
+        most=1e6,
+        optional=True,
+    )
+    plans: int | None = _number(
+        None,
+        "search for better plans, so many of them; the same number gives the same plan",
+        whole=True,
+        most=10**9,
+        optional=True,
+    )
+    goal: Goal = _words(
+        Goal, "items", "what the search is after: most items, and then it ends, or then also the lowest pile"
     )
     max_checked: int = _number(
         100, "candidates of one item that are put to the constraints", whole=True, least=1, most=100_000
@@ -288,6 +305,8 @@ class PlanOptions:
                 "stability physics: needs force balance, which constraints overlap leaves out; "
                 "give constraints stability or robot"
             )
+        if self.stability == "physics" and (self.budget is not None or self.plans is not None):
+            raise InputError("budget and plans: a plan under stability physics takes minutes; leave them out")
         if self.asks_physics and self.geometry == "mesh":
             asks = "stability physics" if self.stability == "physics" else f"rehearse {self.rehearse}"
             raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")
@@ -378,6 +397,9 @@ PAPER: Mapping[str, Any] = {
     "method": "search",
     "sequence": "volume",
     "restarts": 0,
+    "budget": None,
+    "plans": None,
+    "goal": "items",
     "max_checked": 100,
     "clearance": 0.0,
     "rehearse": 0,

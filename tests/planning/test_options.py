@@ -73,6 +73,8 @@ def options(draw: st.DrawFn) -> PlanOptions:
     values["cell"] = draw(st.sampled_from([None, "tx90", "kr10_r1100", {"robot": "tx90", "friction": 0.4}]))
     if values["stability"] == "physics" and values["constraints"] == "overlap":
         values["constraints"] = draw(st.sampled_from(["stability", "robot"]))
+    if values["stability"] == "physics":
+        values["budget"] = values["plans"] = None
     if values["stability"] == "physics" or values["rehearse"]:
         values["geometry"] = draw(st.sampled_from([None, "parts"]))
     return PlanOptions(**values, grid=draw(grids()))

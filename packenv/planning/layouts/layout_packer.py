@@ -12,6 +12,7 @@ import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.anytime import Budget
 from packenv.planning.inquiry import Inquiry
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement, Layout, Movable, WillDo, pitch_for, without_overlap
@@ -88,8 +89,7 @@ class LayoutPacker:
         search: makes layouts.
         name: of it, for the record.
         better: figures of a packing, the larger the better.
-        seconds: for layouts.
-        moves: likewise; a number makes plans repeatable.
+        budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
     """
 
@@ -99,8 +99,7 @@ class LayoutPacker:
     search: LayoutSearch
     name: str
     better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
-    seconds: float = math.inf
-    moves: float = math.inf
+    budget: Budget = field(default_factory=Budget)
     clock: Callable[[], float] = time.perf_counter
 
     def __enter__(self) -> LayoutPacker:
@@ -124,7 +123,13 @@ class LayoutPacker:
     ) -> Packing:
         """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did."""
         fits = sum(items[name].volume for name in sequence) <= container.volume
-        rng, effort = np.random.default_rng(self.planner.seed), Effort(self.seconds, self.moves, self.clock)
+        seconds, rounds = self.budget.seconds, self.budget.plans
+        effort = Effort(
+            math.inf if seconds is None else seconds,
+            math.inf if rounds is None else rounds * len(sequence),
+            self.clock,
+        )
+        rng = np.random.default_rng(self.planner.seed)
         pieces = self.movables(sequence, items, container, start)
         found: list[Packing] = []
 

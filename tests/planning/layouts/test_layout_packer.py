@@ -11,6 +11,7 @@ from hypothesis import given, settings, strategies as st
 import packenv as rp
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
+from packenv.planning.anytime import Budget
 from packenv.planning.assembly import assemble
 from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
 from packenv.planning.layouts.layout_packer import LayoutPacker, LayoutSearch, taken
@@ -25,18 +26,16 @@ from tests.planning.layouts.arrangements import BOX, GRID, drawn, shelf
 SEARCHES = {"separate": Separation(), "gls": GuidedLocalSearch()}
 
 
-def packer_of(method: str, moves: float, box: Container = BOX, **words: object) -> LayoutPacker:
+def packer_of(method: str, rounds: int, box: Container = BOX, **words: object) -> LayoutPacker:
     options = PlanOptions(**{"constraints": "overlap", "grid": GRID, **words})  # type: ignore[arg-type]
     planner = assemble(options, shelf(), box)
     search: LayoutSearch = SEARCHES[method]
-    return LayoutPacker(planner, planner, shelf().shapes, search, method, moves=moves)
+    return LayoutPacker(planner, planner, shelf().shapes, search, method, budget=Budget(plans=rounds))
 
 
-def packed(
-    names: list[str], method: str, moves: float = 200, box: Container = BOX, **words: object
-) -> Packing:
+def packed(names: list[str], method: str, rounds: int = 20, box: Container = BOX, **words: object) -> Packing:
     shelf().load(names, fields=words.get("constraints") is not None)
-    return packer_of(method, moves, box, **words).pack(names, shelf().prepared, box)
+    return packer_of(method, rounds, box, **words).pack(names, shelf().prepared, box)
 
 
 def audited(packing: Packing) -> bool:
@@ -81,7 +80,7 @@ def test_constraints_are_asked_of_layouts_too(constraints: str) -> None:
         assert all("stability" in p.details for p in found.placements)
 
 
-def test_same_seed_and_moves_same_plan() -> None:
+def test_same_seed_and_rounds_same_plan() -> None:
     names = drawn(3, 10, 10)
     one, two = (packed(names, "separate") for _ in range(2))
     assert where(one.placements) == where(two.placements)
@@ -91,7 +90,7 @@ def test_same_seed_and_moves_same_plan() -> None:
 
 def test_layouts_keep_off_what_lies_there() -> None:
     names = drawn(5, 4, 4)
-    packer = packer_of("separate", 300)
+    packer = packer_of("separate", 60)
     first = packer.pack(names, shelf().prepared, BOX)
     surface = first.surfaces[-1] if first.surfaces else None
     assert surface is not None
@@ -140,4 +139,4 @@ def test_the_planner_that_packs_boxes_is_asked_for_layouts() -> None:
     job = PlanningJob(shelf(), PlanOptions(method="gls", grid=GRID, budget=3.0))
     packer = job.packer(BOX)
     assert isinstance(packer, LayoutPacker)
-    assert (packer.name, packer.seconds) == ("gls", 3.0)
+    assert (packer.name, packer.budget) == ("gls", Budget(3.0))
