@@ -133,7 +133,7 @@ def _report(plan: Plan, options: PlanOptions, written: Iterable[Path]) -> None:
     last = "  limits" if any(limits) else ""
     say(f"{'step':>4}  {'item':<{width}}  {'corner x, y, z (m)':<21}  {'size (m)':<21}   yaw{last}")
     for step, (p, name, words) in enumerate(zip(plan.placements, names, limits, strict=True), start=1):
-        corner = " ".join(f"{c:6.3f}" for c in p.corner)
+        corner = " ".join(f"{round(c, 3) + 0.0:6.3f}" for c in p.corner)  # no -0.000
         size = " ".join(f"{e:6.3f}" for e in p.extents)
         row = f"{step:>4}  {name:<{width}}  {corner:<21}  {size:<21}  {math.degrees(p.yaw):3.0f}°  {words}"
         say(row.rstrip())
