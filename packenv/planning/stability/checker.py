@@ -6,10 +6,12 @@ The checker asks in order of cost, and stops at the first answer that is certain
 2. *first order*: if the container alone carries the new item, or the items that it touches carry it while all
    other forces stay as they were, the pile stands. If it falls even though all items farther away are held,
    it falls;
-3. *whole pile*, all forces free.
+3. *pile*: the same with the items that those touch, and so on, ring by ring, until it is certain or most of the
+   pile is in it; then the whole pile, all forces free.
 
-Step 2 needs the forces of the pile without the new item. Every "stable" is checked once more on the whole
-pile, force by force, so that a stale or foreign set of forces costs time, never a wrong answer.
+Steps 2 and 3 need the forces of the pile without the new item; without them the whole pile is asked. Every
+"stable" is checked once more on the whole pile, force by force, so that a stale or foreign set of forces costs
+time, never a wrong answer.
 """
 
 from __future__ import annotations
@@ -181,6 +183,13 @@ class StabilityChecker:
 _FEW = 3
 """Up to so many free items least squares takes a quarter to half of what simplex takes."""
 
+_GROWTH = 2.0
+"""How many times as many items a ring holds as the one before, at least."""
+
+_MOST_OF_IT = 0.7
+"""Rings that hold more of the pile than this are left out: the whole pile is asked at once."""
+
+_CARRIERS_FALL = "the items that carry the new item cannot be balanced"
 _FALLS_ALONE = "the new item cannot be balanced, whatever holds the items around it"
 
 
@@ -204,43 +213,57 @@ class _Question:
     tilt: FloatArray
 
     def answer(self, alone: Solution, previous: StabilityResult | None) -> StabilityResult:
-        """The last two steps of this module; ``alone`` balances the new item while all others are held."""
+        """The last steps of this module; ``alone`` balances the new item while all others are held."""
         touching = (self.contacts.first == self.new) | (self.contacts.second == self.new)
         known = self._known_forces(previous, touching)
         if known is not None:
-            result = self._first_order(touching, alone, known)
+            result = self._on_container(touching, alone, known) or self._in_rings(touching, known)
             if result is not None:
                 return result
         return self._whole(known)
 
-    def _first_order(self, touching: BoolArray, alone: Solution, known: FloatArray) -> StabilityResult | None:
-        """Change forces around the new item only; None where that decides nothing."""
+    def _on_container(
+        self, touching: BoolArray, alone: Solution, known: FloatArray
+    ) -> StabilityResult | None:
+        """The container alone carries the new item; None where it does not."""
+        on_container = touching & ((self.contacts.first == 0) | (self.contacts.second == 0))
+        if not on_container.any():
+            return None
+        # Where the step before used nothing else, its forces will do.
+        if alone.forces is None or (np.abs(alone.forces[~on_container[touching]]) > 0.0).any():
+            alone = self._solve_some(np.array([self.new]), on_container, None)
+        else:
+            alone = replace(alone, forces=alone.forces[on_container[touching]])
+        return self._yes(alone, on_container, known, "first-order")
+
+    def _in_rings(self, touching: BoolArray, known: FloatArray) -> StabilityResult | None:
+        """Change forces around the new item only, farther and farther; None where that decides nothing."""
         first, second = self.contacts.first, self.contacts.second
-        on_container = touching & ((first == 0) | (second == 0))
-        if on_container.any():
-            # Where the step before used nothing else, its forces will do.
-            if alone.forces is None or (np.abs(alone.forces[~on_container[touching]]) > 0.0).any():
-                alone = self._solve_some(np.array([self.new]), on_container, None)
-            else:
-                alone = replace(alone, forces=alone.forces[on_container[touching]])
-            result = self._yes(alone, on_container, known, "first-order")
+        inside = np.zeros(len(self.mass) + 1, dtype=bool)
+        may_change, near = touching, np.empty(0, dtype=np.int64)
+        by: DecidedBy = "first-order"
+        while True:
+            least, grown = _GROWTH * len(near), True
+            while grown and (len(near) < least or not len(near)):
+                inside[first[may_change]] = inside[second[may_change]] = True
+                inside[0] = False
+                near = np.flatnonzero(inside)
+                before, may_change = may_change, inside[first] | inside[second]
+                grown = not np.array_equal(before, may_change)
+            if inside[1:].all() or (by == "pile" and len(near) > _MOST_OF_IT * len(self.mass)):
+                return None
+            within = may_change & (inside[first] | (first == 0)) & (inside[second] | (second == 0))
+            answer = self._solve_some(near, within, known)
+            result = self._yes(answer, within, known, by)
             if result is not None:
                 return result
-        near = np.union1d(first[touching], second[touching])
-        near = near[near > 0]
-        if len(near) == len(self.mass):
-            return None
-        inside = np.zeros(len(self.mass) + 1, dtype=bool)
-        inside[near] = True
-        may_change = inside[first] | inside[second]
-        within = may_change & (inside[first] | (first == 0)) & (inside[second] | (second == 0))
-        answer = self._solve_some(near, within, known)
-        result = self._yes(answer, within, known, "first-order")
-        if result is not None:
-            return result
-        if self._solve_some(near, may_change, None, known).status == "unstable":
-            return self._no("the items that carry the new item cannot be balanced", "first-order")
-        return None
+            # Whatever those outside push with, and if nothing can move them.
+            answer = self._solve_some(near, may_change, None, known)
+            if answer.status == "unstable":
+                return self._no(_CARRIERS_FALL if by == "first-order" else _who_falls(answer, near), by)
+            if np.array_equal(may_change, within):
+                return None
+            by = "pile"
 
     def _whole(self, known: FloatArray | None) -> StabilityResult:
         """All forces free."""
@@ -251,7 +274,7 @@ class _Question:
             return StabilityResult(True, "", "pile", self.contacts, answer.forces)
         if answer.status == "undecided":
             return self._no("no solver could tell whether the pile stands", "pile")
-        return self._no(_who_falls(answer), "pile")
+        return self._no(_who_falls(answer, np.arange(1, len(self.mass) + 1)), "pile")
 
     def _solve_some(
         self, free: IntArray, which: BoolArray, fixed: FloatArray | None, seed: FloatArray | None = None
@@ -341,9 +364,14 @@ def _keys(contacts: Contacts) -> list[bytes]:
     return [row.tobytes() for row in rows]
 
 
-def _who_falls(answer: Solution) -> str:
-    """Name the item that moves most in the motion that proves instability."""
+def _who_falls(answer: Solution, free: IntArray) -> str:
+    """Name the item that moves most in the motion that proves instability.
+
+    Args:
+        answer: of the balance of some items.
+        free: their bodies.
+    """
     if answer.motion is None:
         return "no forces balance the pile"
     moved = np.abs(answer.motion.reshape(-1, 6)).sum(axis=1)
-    return f"no forces balance the pile: item {int(np.argmax(moved)) + 1} would move most"
+    return f"no forces balance the pile: item {int(free[np.argmax(moved)])} would move most"

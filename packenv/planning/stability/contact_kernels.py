@@ -63,7 +63,7 @@ def _facing(record, kind, nx, ny, nz):  # type: ignore[no-untyped-def]
 @compiled
 def touches(  # type: ignore[no-untyped-def]
     records, kinds, starts, spheres, rotation, shift,
-    vertices, faces, normals, neighbours, boxes, origin, h, distance, threshold, rows,
+    low, high, turn, vertices, faces, normals, neighbours, boxes, origin, h, distance, threshold, rows,
 ):  # fmt: skip
     """Contacts of one body's samples with another body's faces and edges.
 
@@ -74,6 +74,9 @@ def touches(  # type: ignore[no-untyped-def]
         spheres: likewise.
         rotation: (3, 3) its frame to the other's.
         shift: (3,) likewise, m.
+        low: (3,) smallest x, y, z of the other body in the container's frame, less its position, m.
+        high: (3,) largest ones, likewise.
+        turn: (3, 3) the other's frame to the container's.
         vertices: of the other body, as in :class:`packenv.geometry.distance_grids.SurfaceField`.
         faces: likewise.
         normals: likewise.
@@ -98,6 +101,7 @@ def touches(  # type: ignore[no-untyped-def]
     top = np.empty(3)
     for axis in range(3):
         top[axis] = origin[axis] + (distance.shape[axis] - 1) * h
+    centre = np.empty(3)
     for block in range(len(spheres)):
         radius = spheres[block, 3]
         outside = 0.0
@@ -105,8 +109,16 @@ def touches(  # type: ignore[no-untyped-def]
             c = shift[axis]
             for other in range(3):
                 c += rotation[axis, other] * spheres[block, other]
+            centre[axis] = c
             outside = max(outside, origin[axis] - c, c - top[axis])
         if outside > radius:
+            continue
+        # In the container's frame items lie flush, and two that only touch share no more than a thin slab.
+        outside = 0.0
+        for axis in range(3):
+            c = turn[axis, 0] * centre[0] + turn[axis, 1] * centre[1] + turn[axis, 2] * centre[2]
+            outside = max(outside, low[axis] - c, c - high[axis])
+        if outside > radius + edge_reach:
             continue
         for s in range(starts[block], starts[block + 1]):
             x = (

@@ -104,6 +104,9 @@ def _mark_corners(points, normals, first, second, cosine, flat, hull, keep):  # 
             most, at = hull * length, -1
             for i in range(m):
                 j = members[i]
+                # The two farthest need not be corners; around one that lies inside, corners would come again for ever.
+                if keep[j]:
+                    continue
                 out = (
                     (points[j, 0] - points[p, 0]) * vx
                     + (points[j, 1] - points[p, 1]) * vy

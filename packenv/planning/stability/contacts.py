@@ -8,6 +8,7 @@ the paper's rule, kept for comparison.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -136,10 +137,21 @@ def item_contacts(
     return join([p for p in parts if len(p)])
 
 
+_local = threading.local()
+
+
+def _room(rows: int) -> FloatArray:
+    """(``rows`` or more, 7) this thread's, to be filled: a new array of some megabytes costs half of a search."""
+    room: FloatArray | None = getattr(_local, "room", None)
+    if room is None or len(room) < rows:
+        room = _local.room = np.empty((rows, 7))
+    return room
+
+
 def _with_container(new: Body, container: Container, index: int, threshold: float) -> Contacts:
     field = new.field
     # A sample in a corner touches three planes.
-    rows = np.empty((3 * len(field.records), 7))
+    rows = _room(3 * len(field.records))
     count = touches_container(
         field.records,
         field.kinds,
@@ -167,7 +179,8 @@ def _one_way(
     """Contacts of one body's samples with another's faces; ``sign`` turns normals into the second."""
     one, other = samples.field, surface.field
     # A sample touches one face or crosses up to three edges.
-    rows = np.empty((3 * len(one.records), 7))
+    rows = _room(3 * len(one.records))
+    low, high = surface.bounds - surface.position
     count = touches(
         one.records,
         one.kinds,
@@ -175,6 +188,9 @@ def _one_way(
         one.spheres,
         np.ascontiguousarray(surface.rotation.T @ samples.rotation, np.float64),
         surface.rotation.T @ (samples.position - surface.position),
+        low,
+        high,
+        surface.rotation,
         other.vertices,
         other.faces,
         other.normals,

@@ -83,40 +83,38 @@ def _fit(eq: Equilibrium) -> Solution:
 
 
 def solve_highs(eq: Equilibrium, warm: IntArray | None = None) -> Solution:
-    """Dual simplex by HiGHS.
+    """Least sum of what is left unbalanced, by HiGHS' simplex and some of the columns.
 
-    With ``warm`` the linear program begins with these columns only. Where it has no solution, the motion that
-    proves so is held against all columns, and those that could resist the motion join; it ends with
-    forces, or with a motion that no column resists. The answer is the whole program's, and most columns are
+    This linear program always has a solution, so no run hangs on the tolerances of a proof that it has none, which is
+    where simplex is weakest (docs/decisions.md). Its multipliers are a motion; the columns that could resist it
+    join, until nothing is left unbalanced or no column resists. The answer is the whole program's, and most columns are
     never looked at.
 
     Args:
         eq: the question.
-        warm: columns to begin with, e.g. the ``basis`` of the pile without its newest item.
+        warm: columns to begin with, e.g. those that carry force in the pile without its newest item; all of a few, or
+            none of many, where None.
     """
     if not eq.n_columns:
         return _judge(eq, "highs", np.empty(0), eq.rhs)
-    if warm is not None and len(warm):
-        answer = _by_columns(eq, warm)
-        if answer.status != "undecided":
-            return answer
+    if eq.n_columns <= _FEW_COLUMNS:
+        warm = np.arange(eq.n_columns)
     for options in _ATTEMPTS:
-        answer = _whole(eq, options)
+        answer = _by_columns(eq, np.empty(0, dtype=np.int64) if warm is None else np.unique(warm), options)
         if answer.status != "undecided":
             return answer
-    # The reference can take minutes where simplex stalls; least squares takes 30 ms and mostly proves its
-    # answer.
-    answer = _fit(eq)
+    answer = _fit(eq) if eq.n_rows <= _DENSE_ROWS else solve_clarabel(eq)
     return answer if answer.status != "undecided" else _last_resort(eq)
 
 
-_ATTEMPTS: tuple[dict[str, Any], ...] = (
-    {},
-    {"simplex_scale_strategy": 4},
-    {"simplex_strategy": 4},
-    {"presolve": "on", "primal_feasibility_tolerance": 1e-10},
-)
-"""HiGHS' options, one set a try: dual simplex unscaled, scaled, primal simplex, with presolve."""
+_ATTEMPTS: tuple[dict[str, Any], ...] = ({}, {"simplex_scale_strategy": 4}, {"simplex_strategy": 1})
+"""HiGHS' options, one set a try: primal simplex unscaled, scaled, dual simplex."""
+
+_FEW_COLUMNS = 64
+"""Up to so many columns all take part from the start."""
+
+_DENSE_ROWS = 60
+"""Up to so many rows dense least squares takes less time than an interior point."""
 
 _DEFAULTS: dict[str, Any] = {
     "output_flag": False,
@@ -127,16 +125,19 @@ _DEFAULTS: dict[str, Any] = {
     "dual_feasibility_tolerance": 1e-9,
     # Equilibrium's rows and columns are balanced already: scaling costs time and changes nothing.
     "simplex_scale_strategy": 0,
-    "simplex_strategy": 1,
+    "simplex_strategy": 4,
     # A run takes hundreds of iterations, or stalls; a stalled one is undecided and asked again another way.
     "simplex_iteration_limit": 5000,
 }
 
-_ENTERING = 64
+_ENTERING = 200
 """Most columns that join at once."""
 
-_ROUNDS = 60
-"""Most times that columns join before the whole program is asked instead."""
+_RESISTING = 1e-9
+"""Work of a column, against a motion of at most 1 in each row, up to which it does not resist."""
+
+_ROUNDS = 100
+"""Most times that columns join before the question is asked another way."""
 
 _local = threading.local()
 
@@ -215,65 +216,84 @@ _COLUMN_WISE, _MINIMISE = 1, 1
 """HiGHS' MatrixFormat.kColwise and ObjSense.kMinimize, as passModel takes them."""
 
 
-def _whole(eq: Equilibrium, options: dict[str, Any]) -> Solution:
-    """All columns at once, with some of HiGHS' options changed."""
+def _by_columns(eq: Equilibrium, chosen: IntArray, options: dict[str, Any]) -> Solution:
+    """Begin with the columns ``chosen``; let those join that resist the motion found.
+
+    Args:
+        eq: the question.
+        chosen: columns, ascending.
+        options: of HiGHS that are changed.
+    """
     highs = highs_solver()
     for name, value in options.items():
         highs.setOptionValue(name, value)
     try:
-        pass_program(highs, eq, eq.start, eq.index, eq.value)
-        x, ray = _run(highs)
-        return _judge(eq, "highs", x, ray)
+        return _grow(highs, eq, chosen)
     finally:
         for name in options:
             highs.setOptionValue(name, _DEFAULTS[name])
 
 
-def _run(highs: Any) -> tuple[FloatArray | None, FloatArray | None]:
-    """Run; the solution where there is one, and the motion that proves that there is none."""
+def _grow(highs: Any, eq: Equilibrium, chosen: IntArray) -> Solution:
+    """See :func:`_by_columns`."""
     import highspy
 
-    highs.run()
-    status = highs.getModelStatus()
-    if status == highspy.HighsModelStatus.kOptimal:
-        return np.asarray(highs.getSolution().col_value), None
-    if status == highspy.HighsModelStatus.kInfeasible:
-        _, exists, ray = highs.getDualRay()
-        if exists:
-            return None, np.asarray(ray)
-    return None, None
-
-
-def _by_columns(eq: Equilibrium, warm: IntArray) -> Solution:
-    """Begin with the columns ``warm``; let those join that resist the motion found."""
-    highs = highs_solver()
-    chosen = np.unique(warm)
+    rows = eq.n_rows
     start, index, value = eq.columns(chosen)
-    pass_program(highs, eq, start, index, value)
+    # What is left unbalanced, upwards and downwards, are columns of their own, and cost.
+    own = np.arange(rows)
+    start = np.concatenate([np.arange(2 * rows), 2 * rows + start]).astype(np.int32)
+    index = np.concatenate([own, own, index]).astype(np.int32)
+    value = np.concatenate([np.ones(rows), -np.ones(rows), value])
+    cost = np.concatenate([np.ones(2 * rows), np.zeros(len(chosen))])
+    pass_program(highs, eq, start, index, value, cost=cost)
     for _ in range(_ROUNDS):
-        x, ray = _run(highs)
-        if x is not None:
-            full = np.zeros(eq.n_columns)
-            full[chosen] = x
-            return _judge(eq, "highs", full, None)
-        if ray is None:
+        highs.run()
+        if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             break
-        if eq.rhs @ ray < 0.0:
-            ray = -ray
-        resisting = eq.work(ray) / np.abs(ray).sum()
+        solution = highs.getSolution()
+        x = np.asarray(solution.col_value)
+        full = np.zeros(eq.n_columns)
+        full[chosen] = x[2 * rows :]
+        if not x[: 2 * rows].any():
+            answer = _judge(eq, "highs", full, None)
+            if answer.status != "undecided":
+                return answer
+        motion = np.asarray(solution.row_dual)
+        resisting = eq.work(motion)
         resisting[chosen] = 0.0
-        most = np.argpartition(resisting, -_ENTERING)[-_ENTERING:] if len(resisting) > _ENTERING else None
-        entering = np.flatnonzero(resisting > 0.0) if most is None else most[resisting[most] > 0.0]
-        if len(entering) == 0 or resisting[entering].max() < 1e-12:
-            return _judge(eq, "highs", None, ray)
-        answer = _judge(eq, "highs", None, ray) if resisting[entering].max() < 1e-9 else None
-        if answer is not None and answer.status == "unstable":
-            return answer
+        entering = np.flatnonzero(resisting > _RESISTING)
+        if not len(entering):
+            return _judge(eq, "highs", full, motion)
+        if len(entering) > _ENTERING:
+            entering = entering[np.argpartition(resisting[entering], -_ENTERING)[-_ENTERING:]]
         start, index, value = eq.columns(entering)
         n = len(entering)
         highs.addCols(n, np.zeros(n), np.zeros(n), np.full(n, np.inf), len(value), start[:-1], index, value)
         chosen = np.concatenate([chosen, entering])
     return Solution("undecided", "highs")
+
+
+def solve_clarabel(eq: Equilibrium) -> Solution:
+    """Non-negative least squares by a sparse interior point, for piles that are too large for :func:`solve_nnls`."""
+    clarabel: Any = importlib.import_module("clarabel")
+    from scipy.sparse import block_array, csc_array, eye_array
+
+    rows, columns = eq.n_rows, eq.n_columns
+    left = eye_array(rows)
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.tol_feas, settings.tol_gap_abs, settings.tol_gap_rel = 1e-9, 1e-14, 1e-9
+    solver = clarabel.DefaultSolver(
+        csc_array(block_array([[csc_array((columns, columns)), None], [None, left]])),
+        np.zeros(columns + rows),
+        csc_array(block_array([[eq.matrix, left], [-eye_array(columns), None]])),
+        np.concatenate([eq.rhs, np.zeros(columns)]),
+        [clarabel.ZeroConeT(rows), clarabel.NonnegativeConeT(columns)],
+        settings,
+    )
+    found = np.asarray(solver.solve().x)
+    return _judge(eq, "clarabel", np.maximum(found[:columns], 0.0), found[columns:])
 
 
 def solve_cvxpy(eq: Equilibrium) -> Solution:

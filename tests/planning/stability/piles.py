@@ -237,7 +237,7 @@ def stack_of_boxes(rng: np.random.Generator, n: int, spread: float, per_edge: in
     return pile(points, normals, first, second, masses, coms)
 
 
-def rubble(rng: np.random.Generator, n: int, contacts: int, slant: float) -> Pile:
+def rubble(rng: np.random.Generator, n: int, contacts: int, slant: float, near: int | None = None) -> Pile:
     """Bodies that touch lower ones or the container at random points under random slants.
 
     Args:
@@ -245,6 +245,7 @@ def rubble(rng: np.random.Generator, n: int, contacts: int, slant: float) -> Pil
         n: bodies.
         contacts: of each body, on average.
         slant: size of the horizontal part of the normals; 0 is level.
+        near: bodies touch the container and no other than the so many before them; all where None.
     """
     points, normals, first, second = [], [], [], []
     coms = np.column_stack([rng.uniform(-0.05, 0.05, (n, 2)), 0.05 + 0.05 * np.arange(n)])
@@ -253,7 +254,8 @@ def rubble(rng: np.random.Generator, n: int, contacts: int, slant: float) -> Pil
             offset = np.append(rng.uniform(-0.05, 0.05, 2), rng.uniform(-0.05, 0.0))
             points.append(coms[body - 1] + offset)
             normals.append(np.append(slant * rng.normal(size=2) - 0.5 * slant * offset[:2] / 0.05, 1.0))
-            first.append(int(rng.integers(0, body)))
+            lower = int(rng.integers(0, body if near is None else min(body, near + 1)))
+            first.append(lower if near is None else max(body - near - 1, 0) + lower if lower else 0)
             second.append(body)
     return pile(points, normals, first, second, rng.uniform(0.01, 2.0, n), coms)
 

@@ -10,8 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.equilibrium import TOLERANCE, residuals
+from packenv.planning.stability.equilibrium import TOLERANCE, build_equilibrium, residuals
 from packenv.planning.stability.margins import measure_margin, tilt_directions
+from packenv.planning.stability.solvers import solve_cvxpy
 from packenv.types import Contacts
 from tests.planning.stability import piles
 from tests.planning.stability.piles import Pile
@@ -171,6 +172,52 @@ def test_shortcuts_answer_as_the_whole_pile_does_under_tilt():
     tilt = 0.1 * tilt_directions()[3]
     seen = sum((grow(rng, tilt) for _ in range(15)), Counter())
     assert seen["first-order", True] >= 5
+
+
+def agree_on_large_piles(rng: np.random.Generator, n: int) -> Counter:
+    """Ask about ``n`` piles of 30 to 60 bodies, as they are and with a heavy last one, and ask the reference, too."""
+    seen: Counter = Counter()
+    while True:
+        p = piles.rubble(rng, 120, 7, float(rng.uniform(0.1, 0.3)), near=3)
+        previous, kept = None, []
+        for body in range(1, len(p.masses) + 1):
+            bodies = [*kept, body]
+            c = p.contacts.take(np.isin(p.contacts.second, bodies) & np.isin(p.contacts.first, [0, *bodies]))
+            rename = np.zeros(len(p.masses) + 1, dtype=np.int64)
+            rename[bodies] = np.arange(1, len(bodies) + 1)
+            c = replace(c, first=rename[c.first], second=rename[c.second])
+            index = np.array(bodies) - 1
+            asked = CHECKER.check(c, p.masses[index], p.coms[index], previous=previous)
+            if len(bodies) >= 30:
+                heavy = np.where(index == body - 1, 30.0, 1.0) * p.masses[index]
+                for masses in (p.masses[index], heavy):
+                    result = CHECKER.check(c, masses, p.coms[index], previous=previous)
+                    if result.decided_by == "new-item":
+                        continue
+                    reference = solve_cvxpy(build_equilibrium(c, masses, p.coms[index]))
+                    assert reference.status != "undecided"
+                    assert result.stable == (reference.status == "stable"), (len(bodies), result.reason)
+                    seen[result.decided_by, result.stable] += 1
+                    if sum(seen.values()) >= n:
+                        return seen
+            if asked.stable:
+                previous, kept = asked, bodies
+            if len(kept) >= 60:
+                break
+    return seen
+
+
+def test_rings_answer_as_the_reference_does_of_large_piles():
+    seen = agree_on_large_piles(np.random.default_rng(11), 60)
+    assert seen["pile", True] + seen["pile", False] >= 2
+
+
+@pytest.mark.slow
+def test_rings_answer_as_the_reference_does_of_hundreds_of_large_piles():
+    seen = agree_on_large_piles(np.random.default_rng(12), 400)
+    assert seen["pile", True] >= 50
+    assert seen["pile", False] >= 5
+    assert seen["first-order", False] >= 30
 
 
 def stacked(n: int = 3) -> Pile:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from packenv.planning.stability.checker import StabilityChecker
-from packenv.planning.stability.contact_patches import ROCKING, TOUCHING, tighten
+from packenv.planning.stability.contact_patches import HULL, ROCKING, TOUCHING, thin, tighten
 from packenv.planning.stability.margins import measure_margin
 from packenv.types import Contacts
 
@@ -147,3 +147,15 @@ def test_a_slope_steeper_than_rocking_touches_at_its_edge():
 
 def test_nothing_is_tightened_to_nothing():
     assert len(tighten(contacts(np.empty((0, 3)), [0, 0, 1], []))) == 0
+
+
+def test_a_small_thick_patch_whose_farthest_points_lie_one_above_the_other_keeps_its_rim():
+    angles = np.arange(12) * np.pi / 6
+    rim = 0.38e-3 * np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    points = np.vstack([rim, [[5e-5, 0.0, -7e-4], [-5e-5, 0.0, 7e-4]]])
+    every = contacts(points, [0, 0, 1], np.zeros(len(points)))
+    kept = thin(every)
+    sides = np.column_stack([np.cos(angles), np.sin(angles)])
+    all_ways, kept_ways = every.points[:, :2] @ sides.T, kept.points[:, :2] @ sides.T
+    assert (all_ways.max(axis=0) - kept_ways.max(axis=0) <= HULL).all()
+    assert len(kept) > 2

@@ -15,7 +15,7 @@ from packenv.planning.stability.equilibrium import (
     build_equilibrium,
     residuals,
 )
-from packenv.planning.stability.solvers import Solution, solve_cvxpy, solve_highs, solve_nnls
+from packenv.planning.stability.solvers import Solution, solve_clarabel, solve_cvxpy, solve_highs, solve_nnls
 from tests.planning.stability import piles
 from tests.planning.stability.piles import Pile
 
@@ -161,9 +161,14 @@ def agree(rng: np.random.Generator, n: int) -> Counter:
             "highs": solve_highs(eq),
             "warm": solve_highs(eq, rng.integers(0, max(eq.n_columns, 1), 5) if eq.n_columns else None),
             "nnls": solve_nnls(eq),
+            "clarabel": solve_clarabel(eq) if eq.n_columns else solve_nnls(eq),
             "cvxpy": solve_cvxpy(eq),
         }
         words = {name: a.status for name, a in answers.items()}
+        # An interior point ends a little off the edge: others are asked after it.
+        if words["clarabel"] == "undecided":
+            seen["left open"] += 1
+            del words["clarabel"]
         assert len(set(words.values())) == 1, (number, words)
         assert words["highs"] != "undecided", number
         for answer in answers.values():
@@ -190,6 +195,7 @@ def test_all_solvers_agree_on_random_piles():
     assert seen["stable"] >= 90
     assert seen["unstable"] >= 90
     assert seen["near"] <= 6
+    assert seen["left open"] == 0
 
 
 @pytest.mark.slow
@@ -197,6 +203,7 @@ def test_all_solvers_agree_on_thousands_of_random_piles():
     seen = agree(np.random.default_rng(7), 5000)
     assert min(seen["stable"], seen["unstable"]) >= 1500
     assert seen["near"] <= 100
+    assert seen["left open"] <= 5
 
 
 def test_fast_solvers_agree_where_it_is_close():
@@ -247,24 +254,33 @@ def test_forces_that_do_not_balance_are_not_believed():
 
 def test_a_failing_solver_is_asked_another_way(monkeypatch):
     """Every run of the first kind fails: the answer still comes, from the next."""
-    real = solvers._whole
+    real = solvers._by_columns
     asked = []
 
-    def fails_once(eq, options):
+    def fails_once(eq, chosen, options):
         asked.append(options)
-        return Solution("undecided", "highs") if len(asked) == 1 else real(eq, options)
+        return Solution("undecided", "highs") if len(asked) == 1 else real(eq, chosen, options)
 
-    monkeypatch.setattr(solvers, "_whole", fails_once)
+    monkeypatch.setattr(solvers, "_by_columns", fails_once)
     assert solve_highs(build(piles.box_on_floor())).status == "stable"
     assert len(asked) == 2
 
 
-def test_where_all_of_highs_fails_least_squares_and_then_the_reference_are_asked(monkeypatch):
-    monkeypatch.setattr(solvers, "_whole", lambda eq, options: Solution("undecided", "highs"))
+def undecided(*_):
+    return Solution("undecided", "none")
+
+
+@pytest.mark.parametrize(("dense_rows", "solver"), [(6, "nnls"), (0, "clarabel")])
+def test_where_all_of_highs_fails_least_squares_and_then_the_reference_are_asked(
+    monkeypatch, dense_rows, solver
+):
+    monkeypatch.setattr(solvers, "_by_columns", undecided)
+    monkeypatch.setattr(solvers, "_DENSE_ROWS", dense_rows)
     for d, expected in ((-0.01, "stable"), (0.01, "unstable")):
         answer = solve_highs(build(piles.overhang(d)))
-        assert (answer.status, answer.solver) == (expected, "nnls")
-    monkeypatch.setattr(solvers, "_fit", lambda eq: Solution("undecided", "nnls"))
+        assert (answer.status, answer.solver) == (expected, solver)
+    monkeypatch.setattr(solvers, "_fit", undecided)
+    monkeypatch.setattr(solvers, "solve_clarabel", undecided)
     for d, expected in ((-0.01, "stable"), (0.01, "unstable")):
         answer = solve_highs(build(piles.overhang(d)))
         assert answer.status == expected
