@@ -149,7 +149,7 @@ def main() -> int:
             spent["reading maps"] += loaded - start
             with job.planner(container) as planner:
                 timed = tuple(Timed(constraint, spent) for constraint in planner.constraints)
-                packing = packer(job.options, replace(planner, constraints=timed))
+                packing = packer(job.options, replace(planner, constraints=timed), job.shelf.shapes)
                 prepared = {name: shelf.prepared[name] for name in order}
                 return packing.pack(job.sequence(order), prepared, container)
 

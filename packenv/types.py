@@ -312,7 +312,7 @@ class Placement:
         yaw: rad.
         score: the heuristic's score, lower is better.
         candidates: number of legal candidates that were compared.
-        route: ``first-pass`` or, from the fallback, ``later`` or ``5d`` (Alg. 4).
+        route: ``first-pass`` or, from the fallback, ``later`` or ``5d`` (Alg. 4); ``layout`` where a layout had it.
         checked: candidates that were put to the constraints, this one included.
         rejections: how many of them were rejected, by reason.
         details: figures of the constraints, JSON-able, by name of the constraint.
@@ -507,8 +507,9 @@ class Plan:
         unit: the unit that the user gave for the catalogue's meshes, or None.
         order: the order's lines.
         meshes: the mesh of every item of the order, by item name.
-        made_by: ``planner``; ``agent``, an episode of the environment; the rule of ``auto`` whose plan it is; or
-            after a rehearsal how the plan was made that it chose (docs/plan-format.md).
+        made_by: ``planner``; ``agent``, an episode of the environment; the rule of ``auto`` whose plan it is; the
+            method whose layout it is; or after a rehearsal how the plan was made that it chose
+            (docs/plan-format.md).
         items: the items themselves, by name, where they were at hand when the plan was made or read; they are
             in no file.
         source: the file that it came from, for messages; None for a plan that was just made.

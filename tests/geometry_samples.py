@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from packenv.geometry.pose_groups import ANGLE_TOLERANCE, PoseComparer
-from packenv.geometry.raster_kernels import _clip_triangle
+from packenv.geometry.raster_kernels import clip_triangle
 from packenv.types import Item
 
 
@@ -30,7 +30,7 @@ def rasterize_by_clipping(
     """What ``rasterize`` computes, by clipping every triangle to every cell: its definition, word for word."""
     polygons = np.empty((3, 12, 3))
     for face in faces:
-        _clip_triangle(np.ascontiguousarray(vertices[face]), cell, top, bottom, *polygons)
+        clip_triangle(np.ascontiguousarray(vertices[face]), cell, top, bottom, *polygons)
 
 
 def same_pose(comparer: PoseComparer, down_a: np.ndarray, down_b: np.ndarray) -> bool:

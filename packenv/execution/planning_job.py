@@ -97,7 +97,12 @@ class PlanningJob:
 
     def packer(self, box: Container, *, give_up: bool = False) -> Packer:
         """What packs orders into a container."""
-        return packer(self.options, self.planner(box, give_up=give_up), report=self.watcher.remark)
+        return packer(
+            self.options,
+            self.planner(box, give_up=give_up),
+            self.shelf.shapes,
+            report=self.watcher.remark,
+        )
 
     def spares(self, box: Container) -> tuple[Planner, ...]:
         """Planners to ask where the plan of the chosen one fails in rehearsal."""
@@ -124,7 +129,7 @@ class PlanningJob:
         for box in boxes:
             careful = hurried.planner(box, give_up=True)
             for planner in (careful, *self._without_margin(careful)):
-                with packer(hurried.options, planner) as packing:
+                with packer(hurried.options, planner, self.shelf.shapes) as packing:
                     found = packing.pack(sequence, self.shelf.prepared, box)
                 if found.complete:
                     return found
@@ -134,12 +139,14 @@ class PlanningJob:
     def fill(self, box: Container, sequence: Sequence[str]) -> Packing:
         """Pack into an empty container what it takes, without restarts: the more volume, the better."""
         hurried = self._hurried()
-        with packer(hurried.options, hurried.planner(box), fullness) as packing:
+        with packer(hurried.options, hurried.planner(box), self.shelf.shapes, fullness) as packing:
             return packing.pack(sequence, self.shelf.prepared, box)
 
     def _hurried(self) -> PlanningJob:
-        """The same without restarts and without a search."""
-        return replace(self, options=replace(self.options, restarts=0, budget=None, plans=None))
+        """The same without restarts, and without a search or layouts."""
+        return replace(
+            self, options=replace(self.options, restarts=0, method="search", budget=None, plans=None)
+        )
 
     def _without_margin(self, planner: Planner) -> Iterator[Planner]:
         """A cautious planner without its preference."""

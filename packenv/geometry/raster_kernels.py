@@ -58,7 +58,7 @@ def _clip(src, n, dst, axis, bound, keep_above):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _cell_range(lo, hi, cell, count, normal):  # type: ignore[no-untyped-def]
+def cell_range(lo, hi, cell, count, normal):  # type: ignore[no-untyped-def]
     """First and last cell that the interval [lo, hi] reaches into by more than the tolerance.
 
     An interval that lies on a cell boundary reaches into neither cell; it goes to the cell on the
@@ -77,7 +77,7 @@ def _cell_range(lo, hi, cell, count, normal):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type: ignore[no-untyped-def]
+def clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type: ignore[no-untyped-def]
     """Clip one triangle to every cell that it touches; the polygons are scratch of 12 corners each."""
     w, h = top.shape
     ax = triangle[1, 0] - triangle[0, 0]
@@ -92,8 +92,8 @@ def _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type
     x_hi = max(triangle[0, 0], triangle[1, 0], triangle[2, 0])
     y_lo = min(triangle[0, 1], triangle[1, 1], triangle[2, 1])
     y_hi = max(triangle[0, 1], triangle[1, 1], triangle[2, 1])
-    i0, i1 = _cell_range(x_lo, x_hi, cell, w, normal_x)
-    j0, j1 = _cell_range(y_lo, y_hi, cell, h, normal_y)
+    i0, i1 = cell_range(x_lo, x_hi, cell, w, normal_x)
+    j0, j1 = cell_range(y_lo, y_hi, cell, h, normal_y)
     if i0 == i1 and j0 == j1:
         z_lo = min(triangle[0, 2], triangle[1, 2], triangle[2, 2])
         z_hi = max(triangle[0, 2], triangle[1, 2], triangle[2, 2])
@@ -124,7 +124,7 @@ def _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c):  # type
         for c in range(1, n):
             slab_lo = min(slab_lo, poly_a[c, 1])
             slab_hi = max(slab_hi, poly_a[c, 1])
-        s0, s1 = _cell_range(slab_lo, slab_hi, cell, h, normal_y)
+        s0, s1 = cell_range(slab_lo, slab_hi, cell, h, normal_y)
         for j in range(s0, s1 + 1):
             m = n
             for c in range(n):
@@ -251,7 +251,7 @@ def rasterize(
             for c in range(3):
                 for k in range(3):
                     triangle[c, k] = vertices[faces[f, c], k]
-            _clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c)
+            clip_triangle(triangle, cell, top, bottom, poly_a, poly_b, poly_c)
             continue
         ia, ib, ic = cell_x[faces[f, 0]], cell_x[faces[f, 1]], cell_x[faces[f, 2]]
         i0, i1 = min(ia, ib, ic), max(ia, ib, ic)

@@ -15,6 +15,9 @@ from packenv.geometry.prepare import PreparedItem
 from packenv.planning.admission import Admission
 from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.constraints import Constraint
+from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
+from packenv.planning.layouts.layout_packer import LayoutPacker, LayoutSearch
+from packenv.planning.layouts.separation import Separation
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.constraint import ManipulationConstraint
 from packenv.planning.options import AUTO, OWN, STANDS_FOR_AUTO, PlanOptions, StabilityRule
@@ -35,6 +38,9 @@ from packenv.types import Container, Item, OrientedItem
 
 MEMBERS = ("minz", "hm", "dblf", "mta")
 """The rules of ``auto``."""
+LAYOUT_SECONDS = 20.0
+"""How long layouts are looked for where nothing else is asked."""
+_SEARCHES: Mapping[str, Callable[[], LayoutSearch]] = {"separate": Separation, "gls": GuidedLocalSearch}
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
 EACH_WITH_MARGIN = 12
@@ -253,10 +259,11 @@ def assemble(
 def packer(
     options: PlanOptions,
     planner: Planner,
+    shapes: Mapping[str, Item],
     better: Callable[[Packing], tuple[float, ...]] = goal,
     report: Callable[[str], None] = lambda line: None,
 ) -> Packer:
-    """What packs orders as the options ask: the planner that was made of them, or one for each rule of ``auto``.
+    """What packs orders as the options ask: the planner made of them, one for each rule of ``auto``, or layouts.
 
     Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
     planner does alone. With a budget it is the search that begins with their plan.
@@ -264,17 +271,23 @@ def packer(
     Args:
         options: how to plan.
         planner: made of them.
+        shapes: every item of the order by name, of the geometry that is planned with.
         better: which of several plans is kept.
         report: is told of what a search finds, a line each.
     """
     members = [planner]
     if options.heuristic == AUTO and not options.asks_physics:
         members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
-    first = planner if members == [planner] else Portfolio(members, better)
+    alone = planner if members == [planner] else Portfolio(members, better)
     budget = Budget(options.budget, options.plans)
+    if options.method != "search":
+        given = budget if budget.given else Budget(LAYOUT_SECONDS)
+        return LayoutPacker(
+            planner, alone, shapes, _SEARCHES[options.method](), options.method, better, given
+        )
     if not budget.given:
-        return first
-    return Anytime(first, members, budget, options.goal, options.seed, report, better)
+        return alone
+    return Anytime(alone, members, budget, options.goal, options.seed, report, better)
 
 
 def as_paper(

@@ -26,6 +26,7 @@ Places: TypeAlias = Literal["grid", "exact"]
 GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
+Method: TypeAlias = Literal["search", "separate", "gls"]
 Goal: TypeAlias = Literal["items", "height"]
 """What a search is after: most items, and then it ends; or most items, and then the lowest pile."""
 Geometry: TypeAlias = Literal["mesh", "parts"]
@@ -131,6 +132,10 @@ class PlanOptions:
         grasp: ``seal``: where the cup lies on the surface, rough spots where there is no flat one; ``flat``:
             flat spots alone; ``paper``: the centre of the top surface, whatever is there.
         search: ``3d`` with the fallback, or ``5d`` at once.
+        method: ``search``: one item after another (the paper). By layouts of all items at once that become plans
+            (:mod:`packenv.planning.layouts`): ``separate``: overlaps are moved out; ``gls``: guided local search.
+            For these ``budget`` and ``plans`` say how long to go on, 20 seconds where neither is given; a round of
+            moves of all pieces counts as a plan. Smaller boxes of several are tried by ``search``.
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         budget: seconds in which better plans are searched for (:mod:`packenv.planning.anytime`); None makes the
@@ -205,6 +210,13 @@ class PlanOptions:
     )
     search: Search = _words(
         Search, "3d", "stable poses first and perturbed ones as the fallback, or all at once"
+    )
+    method: Method = _words(
+        Method,
+        "search",
+        "items are placed one after another; or all are in the box from the start and overlaps are moved out, by "
+        "separation or by guided local search, before a sequence is looked for in which they can be lowered: for 20 "
+        "seconds, or as budget and plans say",
     )
     sequence: Sequencing = _words(
         Sequencing, "volume", "by non-increasing bounding-box volume, or as the order gives it"
@@ -382,6 +394,7 @@ PAPER: Mapping[str, Any] = {
     "places": "grid",
     "grasp": "paper",
     "search": "3d",
+    "method": "search",
     "sequence": "volume",
     "restarts": 0,
     "budget": None,

@@ -6,8 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
-from packenv.planning.options import AUTO, SINGLE_RULES, STANDS_FOR_AUTO
+from packenv.planning.options import AUTO, SINGLE_RULES, STANDS_FOR_AUTO, Method
 from packenv.types import Item, Leftover, Placement, Plan
 
 
@@ -42,8 +43,8 @@ def piece_names(placements: Sequence[Placement]) -> tuple[str, ...]:
 
 
 def rule_words(plan: Plan) -> str:
-    """The heuristic that made a plan, beside the one that was asked for; ``agent`` where an agent made it."""
-    if plan.made_by == "agent":
+    """The heuristic that made a plan, beside the one that was asked for; or ``agent``, or the method of layouts."""
+    if plan.made_by in ("agent", *get_args(Method)):
         return plan.made_by
     asked = str(plan.settings.get("heuristic", "?"))
     made = next((word for word in plan.made_by.split() if word in SINGLE_RULES), None)

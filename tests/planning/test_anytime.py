@@ -34,7 +34,7 @@ WORDS: dict[str, Any] = {"grid": GRID, "restarts": 0}
 
 def walk_of(options: PlanOptions) -> tuple[_Walk, list[str]]:
     shelf = shelf_of(ITEMS, GRID)
-    search = packer(options, assemble(options, shelf, BOX))
+    search = packer(options, assemble(options, shelf, BOX), shelf.shapes)
     assert isinstance(search, Anytime)
     sequence = by_box_volume(NAMES, shelf.prepared)
     first = search.first.pack(sequence, shelf.prepared, BOX)

@@ -159,9 +159,9 @@ class ExactPlaces:
                 break
             of_list = pool.grid_index[batch]
             new = [
-                lowered
+                fit
                 for k in np.unique(of_list)
-                if (lowered := _lowered(lists[k].only(batch[of_list == k] - starts[k]))) is not None
+                if (fit := lowered(lists[k].only(batch[of_list == k] - starts[k]))) is not None
             ]
             if new:
                 own.append(self.heuristic(listed(new, item, cell), self.rng))
@@ -170,7 +170,7 @@ class ExactPlaces:
         return listed(settled, item, cell), np.concatenate(own or [np.empty(0)])
 
 
-def _lowered(places: PlaceList) -> PlaceList | None:
+def lowered(places: PlaceList) -> PlaceList | None:
     """Those places at which the item fits by the meshes, at the heights to which it comes down."""
     surface = places.surface.source
     most = surface.container.height + CLEARANCE - float(places.oriented.extents[2])

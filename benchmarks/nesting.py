@@ -1,0 +1,189 @@
+"""Public instances of 3D nesting as voxels: ``python -m benchmarks.nesting --instances FOLDER --json``.
+
+All pieces into a container of a given floor, at the orientation that they are given in; the lowest height wins. The
+folder has an ``instances.csv`` (instance, length, width, unit_per_voxel, file, quantity) and the files, ``.binvox``.
+
+``one-pass``: the largest piece first, each straight down from above to the lowest place. ``search``: the same in other
+sequences, while there is time. ``gls`` and ``separate``: overlap and containment alone count; from the height of the
+one pass on, the box is made lower by one voxel whenever nothing overlaps. These are not loaded from above.
+"""
+
+from __future__ import annotations
+
+from benchmarks import one_thread  # noqa: F401  isort: skip
+
+import argparse
+import csv
+import json
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from trimesh.exchange.binvox import load_binvox
+
+from packenv.geometry.voxel_kernels import least
+from packenv.geometry.voxels import Voxels
+from packenv.planning.layouts.effort import Effort
+from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
+from packenv.planning.layouts.layout import Arrangement
+from packenv.planning.layouts.layout_packer import LayoutSearch
+from packenv.planning.layouts.overlap_map import OverlapMap
+from packenv.planning.layouts.separation import Separation
+
+METHODS = ("one-pass", "search", "gls", "separate")
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece at its one orientation, voxels of side 1."""
+
+    grid: Voxels
+
+    @property
+    def orientations(self) -> Sequence[object]:
+        """The one."""
+        return (None,)
+
+    def voxels(self, kind: int, pitch: float) -> Voxels:
+        """The piece."""
+        return self.grid
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """Pieces and a floor.
+
+    Attributes:
+        pieces: of it.
+        floor: length and width, voxels.
+        unit: of heights, per voxel.
+    """
+
+    pieces: tuple[Piece, ...]
+    floor: tuple[int, int]
+    unit: float
+
+
+def read_instances(folder: Path) -> dict[str, Instance]:
+    """Every instance of a folder, by name."""
+    rows: dict[str, list[dict[str, str]]] = {}
+    with (folder / "instances.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            rows.setdefault(row["instance"], []).append(row)
+    found = {}
+    for name, own in rows.items():
+        unit = float(own[0]["unit_per_voxel"])
+        x, y = (int(float(own[0][side]) / unit + 1e-6) for side in ("length", "width"))
+        pieces = [Piece(read_piece(folder / row["file"])) for row in own for _ in range(int(row["quantity"]))]
+        found[name] = Instance(tuple(pieces), (x, y), unit)
+    return found
+
+
+def read_piece(path: Path) -> Voxels:
+    """The voxels of a file, without a margin."""
+    with path.open("rb") as file:
+        full = np.asarray(load_binvox(file).matrix, dtype=np.bool_)
+    low, high = (f(np.argwhere(full), axis=0) for f in (np.min, np.max))
+    grid = np.ascontiguousarray(full[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))])
+    return Voxels(grid, np.array(grid.shape, dtype=np.float64), 1.0)
+
+
+def loaded(instance: Instance, sequence: Sequence[int]) -> tuple[int, list[tuple[int, int, int]]]:
+    """Height of the pile, and each piece's place, where pieces come straight down in a sequence."""
+    tall = max(piece.grid.grid.shape[2] for piece in instance.pieces)
+    x, y = instance.floor
+    heights = np.zeros((x, y), dtype=np.int64)
+    places = [(0, 0, 0)] * len(instance.pieces)
+    for k in sequence:
+        grid = instance.pieces[k].grid
+        size = (x, y, int(heights.max()) + tall)
+        below = np.arange(size[2]) < heights[:, :, None]
+        costs = OverlapMap(below.astype(np.float32)).at(grid.grid, grid.places(size))
+        _, i, j, z = least(costs, 1.0, 1.0)
+        places[k] = (i, j, z)
+        w, d, h = grid.grid.shape
+        tops = np.where(grid.grid.any(axis=2), z + h - grid.grid[:, :, ::-1].argmax(axis=2), 0)
+        np.maximum(heights[i : i + w, j : j + d], tops, out=heights[i : i + w, j : j + d])
+    return int(heights.max()), places
+
+
+def largest_first(instance: Instance) -> list[int]:
+    """Numbers of the pieces by falling volume of their bounding boxes."""
+    return sorted(range(len(instance.pieces)), key=lambda k: -instance.pieces[k].grid.grid.size)
+
+
+def sequences(instance: Instance, effort: Effort, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
+    """Heights of better and better sequences, and when they were found: one piece moves at a time."""
+    best, (height, _) = largest_first(instance), loaded(instance, largest_first(instance))
+    yield height, effort.elapsed
+    while effort.left():
+        trial = list(best)
+        trial.insert(int(rng.integers(len(trial))), trial.pop(int(rng.integers(len(trial)))))
+        found, _ = loaded(instance, trial)
+        if found <= height:
+            best = trial
+        if found < height:
+            height = found
+            yield height, effort.elapsed
+
+
+def squeezed(
+    instance: Instance, search: LayoutSearch, effort: Effort, rng: np.random.Generator
+) -> Iterator[tuple[int, float]]:
+    """Heights at which nothing overlaps, lower and lower, and when they were found."""
+    height, places = loaded(instance, largest_first(instance))
+    yield height, effort.elapsed
+    while effort.left():
+        arrangement = Arrangement(instance.pieces, (*map(float, instance.floor), float(height - 1)), 1.0)
+        last = [arrangement.places(k, 0) for k in range(len(instance.pieces))]
+        if any(min(n) < 1 for n in last):
+            return
+        for k, at in enumerate(places):
+            arrangement.move(k, 0, np.minimum(at, np.array(last[k]) - 1))
+        if search.run(arrangement, rng, effort).overlap:
+            return
+        places = [(x, y, z) for x, y, z in arrangement.at.tolist()]
+        height = max(z + instance.pieces[k].grid.grid.shape[2] for k, (_, _, z) in enumerate(places))
+        yield height, effort.elapsed
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--instances", type=Path, required=True, help="folder with instances.csv")
+    parser.add_argument("--only", nargs="+", help="names of instances (default: all)")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
+    parser.add_argument(
+        "--budget", type=float, default=60.0, help="CPU-seconds for each (default: %(default)g)"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="JSON only, no table")
+    arguments = parser.parse_args()
+    report: dict[str, dict[str, dict[str, float]]] = {}
+    for name, instance in read_instances(arguments.instances).items():
+        if arguments.only and name not in arguments.only:
+            continue
+        report[name] = {}
+        for method in arguments.methods:
+            effort = Effort(arguments.budget, clock=time.process_time)
+            rng = np.random.default_rng(arguments.seed)
+            if method in ("one-pass", "search"):
+                found = sequences(instance, effort, rng)
+            else:
+                found = squeezed(
+                    instance, GuidedLocalSearch(restarts=1) if method == "gls" else Separation(), effort, rng
+                )
+            height, seconds = next(found) if method == "one-pass" else deque(found, maxlen=1)[0]
+            report[name][method] = {"height": round(height * instance.unit, 4), "seconds": round(seconds, 2)}
+            if not arguments.json:
+                print(f"{name:<8}{method:<10}{height * instance.unit:8.2f} after {seconds:.1f} s", flush=True)
+    if arguments.json:
+        print(json.dumps({"instances": report}, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
