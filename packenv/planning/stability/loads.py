@@ -1,11 +1,11 @@
 """What rests on each item of a pile, and whether it bears it.
 
 An item rests on another where that one can push it upwards, or, where nothing does, on all that it touches. Every
-item that rests on a limited one, straight or by way of others, counts with its whole mass: no pile that is let
-go puts more on it. Where this is too much, and some of them rest on others, too, a linear programme over the contact
-forces of the force balance (paper Sec. III-A) tells the most that can be on it: the largest downward push among all
-forces that balance the items above it, whatever holds them. Forces that only press against each other can make that
-as large as one likes, so the lesser of the two bounds counts.
+item that rests on a limited one, straight or by way of others, counts with its whole mass: no pile that is let go
+puts more on it, unless something is squeezed in. Where this is too much, and some of them rest on others, too, a
+linear programme over the contact forces of the force balance (paper Sec. III-A) tells the most that can be on it:
+the largest downward push among all forces that balance the items above it, whatever holds them. Forces that only
+press against each other can make that as large as one likes, so the lesser of the two bounds counts.
 """
 
 from __future__ import annotations
