@@ -46,7 +46,7 @@ OUTLIER_TOLERANCE = 3.0
 FEW_SIDES = 12
 """An item that rests on so few sides is no scan and not round: what differs in height is another pose."""
 
-SAME_HEIGHT = 1e-4
+SAME_HEIGHT = 1e-5
 """Largest difference in height of poses of such an item that count as one, m."""
 
 NEAR_SHARE = 0.95

@@ -19,7 +19,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.items.cache_files import CacheFile, default_folder
 from packenv.types import Item, OrientedItem, StablePose
 
-_FORMAT = 2
+_FORMAT = 3
 """Raise this when poses or heightmaps change: files of another format are never read."""
 
 
