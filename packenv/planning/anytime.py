@@ -125,13 +125,12 @@ class Anytime:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the members."""
-        for member in self.members:
-            member.close()
+        """Free what the constraints hold: the first packer's are the members', too."""
+        self.first.__exit__()
 
     def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
         """A container to start with, for any member."""
-        return self.members[0].pile(surface, resting)
+        return self.first.pile(surface, resting)
 
     def pack(
         self,
@@ -152,7 +151,7 @@ class Anytime:
         best = self.first.pack(sequence, items, container, start)
         end = np.inf if self.budget.seconds is None else began + self.budget.seconds
         walk = _Walk(self, items, container, start, best, began, end)
-        hopeless = Counter(left.item for left in best.leftovers if left.reason not in PERHAPS)
+        hopeless = Counter(left.item for left in walk.left_over)
         within = tuple((Counter(sequence) - hopeless).elements())
         order = sorted(within, key=list(sequence).index)
         if order:
@@ -186,13 +185,11 @@ class _Walk:
         self.rules = [rules for member in self.search.members for rules in _single_passes(member, quiet=True)]
         self.kept: Trail | None = None
         self.rng = np.random.default_rng(self.search.seed)
-        self.left_over = self.best.leftovers
+        self.left_over = tuple(left for left in self.best.leftovers if left.reason not in PERHAPS)
         self.plans = 0
 
     def go(self, sequence: Sequence[str]) -> None:
         """Search until the aim or the budget is reached, or somebody stops it."""
-        kept = [left for left in self.best.leftovers if left.reason not in PERHAPS]
-        self.left_over = tuple(kept)
         if self.done():
             return
         placed = Counter(sequence) & Counter(p.item for p in self.best.placements)
