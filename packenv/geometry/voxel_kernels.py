@@ -78,6 +78,29 @@ def shared(a, at_a, b, at_b):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _bounds_of_runs(voxels, place, axis, bounds):  # type: ignore[no-untyped-def]
+    """Where runs of set voxels begin and end, in turn, along a line; ``place`` is moved along it.
+
+    Returns:
+        How many bounds there are; so many are filled.
+    """
+    length = voxels.shape[axis]
+    count = 0
+    before = False
+    for k in range(length):
+        place[axis] = k
+        now = voxels[place[0], place[1], place[2]]
+        if now != before:
+            bounds[count] = k
+            count += 1
+            before = now
+    if before:
+        bounds[count] = length
+        count += 1
+    return count
+
+
+@compiled
 def shared_along(a, at_a, b, at_b, axis, counts):  # type: ignore[no-untyped-def]
     """How many voxels two grids share for every place of the first one on a line along an axis.
 
@@ -107,32 +130,10 @@ def shared_along(a, at_a, b, at_b, axis, counts):  # type: ignore[no-untyped-def
         for v in range(q0, q1):
             place[p], place[q] = u - at_a[p], v - at_a[q]
             other[p], other[q] = u - at_b[p], v - at_b[q]
-            count_a = 0
-            before = False
-            for k in range(long_a):
-                place[axis] = k
-                now = a[place[0], place[1], place[2]]
-                if now != before:
-                    bounds_a[count_a] = k
-                    count_a += 1
-                    before = now
-            if before:
-                bounds_a[count_a] = long_a
-                count_a += 1
+            count_a = _bounds_of_runs(a, place, axis, bounds_a)
             if count_a == 0:
                 continue
-            count_b = 0
-            before = False
-            for k in range(long_b):
-                other[axis] = k
-                now = b[other[0], other[1], other[2]]
-                if now != before:
-                    bounds_b[count_b] = k
-                    count_b += 1
-                    before = now
-            if before:
-                bounds_b[count_b] = long_b
-                count_b += 1
+            count_b = _bounds_of_runs(b, other, axis, bounds_b)
             for m in range(count_a):
                 for k in range(count_b):
                     # |b ∩ [bound_a + t, ∞)| and the like: each pair of bounds begins a ramp of t.
