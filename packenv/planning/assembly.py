@@ -283,7 +283,14 @@ def packer(
     if options.method != "search":
         given = budget if budget.given else Budget(LAYOUT_SECONDS)
         return LayoutPacker(
-            planner, alone, shapes, _SEARCHES[options.method](), options.method, better, given
+            planner,
+            alone,
+            shapes,
+            _SEARCHES[options.method](),
+            options.method,
+            better,
+            given,
+            report=report,
         )
     if not budget.given:
         return alone

@@ -91,6 +91,8 @@ class LayoutPacker:
         better: figures of a packing, the larger the better.
         budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
+        report: is told of every better packing that a layout became, a line each, and of Ctrl-C.
+        found: is given each of those packings.
     """
 
     planner: Planner
@@ -101,6 +103,8 @@ class LayoutPacker:
     better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
     budget: Budget = field(default_factory=Budget)
     clock: Callable[[], float] = time.perf_counter
+    report: Callable[[str], None] = lambda line: None
+    found: Callable[[Packing], None] = lambda packing: None
 
     def __enter__(self) -> LayoutPacker:
         """The packer."""
@@ -121,7 +125,10 @@ class LayoutPacker:
         container: Container,
         start: Pile | None = None,
     ) -> Packing:
-        """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did."""
+        """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did.
+
+        After Ctrl-C it is the best packing that was found until then, the planner's own where there is none.
+        """
         fits = sum(items[name].volume for name in sequence) <= container.volume
         seconds, rounds = self.budget.seconds, self.budget.plans
         effort = Effort(
@@ -135,17 +142,35 @@ class LayoutPacker:
 
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
-            found.append(replace(packing, made_by=self.name))
+            packing = replace(packing, made_by=self.name)
+            if not found or self.better(packing) > self.better(max(found, key=self.better)):
+                self.tell(packing, effort)
+            found.append(packing)
             return packing.complete and not packing.risk
 
-        while fits and pieces and effort.left():
-            promising = _Promising(try_out)
-            arrangement = self.arrange(pieces, container, start, rng, effort, promising)
-            if promising.done or (arrangement.overlap and try_out(arrangement)):
-                return found[-1]
+        try:
+            while fits and pieces and effort.left():
+                promising = _Promising(try_out)
+                arrangement = self.arrange(pieces, container, start, rng, effort, promising)
+                if promising.done or (arrangement.overlap and try_out(arrangement)):
+                    return found[-1]
+        except KeyboardInterrupt:
+            self.report("stopped: the best plan so far is taken")
+            if found:
+                return max(found, key=self.better)
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
         return max(found, key=self.better)
+
+    def tell(self, packing: Packing, effort: Effort) -> None:
+        """Tell of a packing that is better than all before it."""
+        self.found(packing)
+        tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
+        whole = len(packing.placements) + len(packing.leftovers)
+        self.report(
+            f"after {effort.elapsed:.1f} s: {len(packing.placements)} of {whole} items, "
+            f"height {max(tops, default=0.0):.3f} m ({packing.made_by})"
+        )
 
     def movables(
         self,

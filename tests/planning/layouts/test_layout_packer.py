@@ -13,7 +13,9 @@ from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
 from packenv.planning.anytime import Budget
 from packenv.planning.assembly import assemble
+from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
+from packenv.planning.layouts.layout import Arrangement, Layout, WillDo, without_overlap
 from packenv.planning.layouts.layout_packer import LayoutPacker, LayoutSearch, taken
 from packenv.planning.layouts.separation import Separation
 from packenv.planning.options import PlanOptions
@@ -108,6 +110,52 @@ def test_cells_that_do_not_divide_a_voxel_are_taken_whole() -> None:
     found = taken(ContainerMap(Container(0.03, 0.03, 0.03), 0.003, heights), 0.0045, (7, 7, 7))
     assert sorted(map(tuple, np.argwhere(found[:, :, 0]).tolist())) == [(2, 4), (2, 5)]
     assert found[2, 4].tolist() == [True, True, True, False, False, False, False]
+
+
+@dataclasses.dataclass(eq=False)
+class Stopped:
+    """A separation in whose run of a given number somebody presses Ctrl-C."""
+
+    at: int
+    runs: int = 0
+
+    def run(
+        self,
+        arrangement: Arrangement,
+        rng: np.random.Generator,
+        effort: Effort,
+        will_do: WillDo = without_overlap,
+    ) -> Layout:
+        """A few moves, or the interrupt."""
+        self.runs += 1
+        if self.runs == self.at:
+            raise KeyboardInterrupt
+        return Separation().run(arrangement, rng, Effort(moves=40), will_do)
+
+
+STOPPED = "stopped: the best plan so far is taken"
+
+
+@pytest.mark.parametrize("at", [1, 2, 4])
+def test_ctrl_c_gives_the_best_plan_so_far(at: int) -> None:
+    names = ["brick"] * 40  # more than the box holds by a little: no layout becomes a whole plan
+    box = Container(0.14, 0.12, 0.172)
+    lines, told = list[str](), list[Packing]()
+    packer = packer_of("separate", 10_000, box)
+    packer = dataclasses.replace(packer, search=Stopped(at), report=lines.append, found=told.append)
+    shelf().load(names)
+    found = packer.pack(names, shelf().prepared, box)
+    assert audited(found)
+    assert lines[-1] == STOPPED
+    assert len(lines) == len(told) + 1
+    assert [packer.better(p) for p in told] == sorted({packer.better(p) for p in told})
+    if at == 1:
+        assert not told
+        assert found.made_by == "planner"
+    else:
+        assert found is told[-1]
+        assert lines[-2].endswith("(separate)")
+        assert f"{len(found.placements)} of 40 items" in lines[-2]
 
 
 @pytest.mark.parametrize("method", SEARCHES)
