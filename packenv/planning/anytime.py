@@ -110,6 +110,8 @@ class Anytime:
         seed: of the changes.
         report: is told of every improvement, a line each.
         better: figures of a packing, the larger the better.
+        found: is given every better packing, without margins.
+        clock: tells seconds.
     """
 
     first: Packer
@@ -119,6 +121,8 @@ class Anytime:
     seed: int = 0
     report: Callable[[str], None] = lambda line: None
     better: Callable[[Packing], tuple[float, ...]] = goal
+    found: Callable[[Packing], None] = lambda packing: None
+    clock: Callable[[], float] = time.monotonic
 
     def __enter__(self) -> Anytime:
         """The search."""
@@ -147,7 +151,7 @@ class Anytime:
             container: likewise.
             start: likewise.
         """
-        began = time.monotonic()
+        began = self.clock()
         best = self.first.pack(sequence, items, container, start)
         end = np.inf if self.budget.seconds is None else began + self.budget.seconds
         walk = _Walk(self, items, container, start, best, began, end)
@@ -199,7 +203,7 @@ class _Walk:
             trails = (self.trail(names, k, None) for names in begin for k in range(len(self.rules)))
             current = min(trails, key=self.cost)
             best, stale, idle = current, 0, 0
-            while not self.done() and time.monotonic() < self.end and idle < _STALE:
+            while not self.done() and self.search.clock() < self.end and idle < _STALE:
                 changed = self.changed(current)
                 if changed is None:
                     idle += 1
@@ -255,7 +259,7 @@ class _Walk:
         steps = list(parent.steps[:shared]) if parent is not None else []
         pieces = pieces_of(sequence)
         for piece in pieces[shared:]:
-            if time.monotonic() > self.end:
+            if self.search.clock() > self.end:
                 raise _OverError
             steps.append(self.step(piece, rule, steps[-1].pile if steps else self.start))
         self.plans += 1
@@ -320,10 +324,11 @@ class _Walk:
         if self.search.better(packing) <= self.search.better(self.best):
             return
         self.best, self.kept = packing, trail
+        self.search.found(packing)
         tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
         whole = len(packing.placements) + len(packing.leftovers)
         self.search.report(
-            f"after {time.monotonic() - self.began:.1f} s and {self.plans} plans: {len(packing.placements)} of "
+            f"after {self.search.clock() - self.began:.1f} s and {self.plans} plans: {len(packing.placements)} of "
             f"{whole} items, height {max(tops, default=0.0):.3f} m ({packing.made_by})"
         )
 
