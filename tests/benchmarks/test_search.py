@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from benchmarks import search
 from benchmarks.search import METHODS, Trace, curve, summarize
@@ -32,6 +32,7 @@ def rows(draw: st.DrawFn) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@settings(deadline=None)  # the first example loads scipy
 @given(st.lists(rows(), min_size=1, max_size=6))
 def test_shares_are_shares_and_never_fall_with_time(found: list[dict[str, Any]]) -> None:
     for line in summarize(found):
