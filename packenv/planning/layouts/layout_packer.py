@@ -92,7 +92,7 @@ class LayoutPacker:
         budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
         report: is told of every better packing that a layout became, a line each, and of Ctrl-C.
-        found: is given each of those packings.
+        found: is given the packing of every layout that is tried out.
     """
 
     planner: Planner
@@ -143,6 +143,7 @@ class LayoutPacker:
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
             packing = replace(packing, made_by=self.name)
+            self.found(packing)
             if not found or self.better(packing) > self.better(max(found, key=self.better)):
                 self.tell(packing, effort)
             found.append(packing)
@@ -164,7 +165,6 @@ class LayoutPacker:
 
     def tell(self, packing: Packing, effort: Effort) -> None:
         """Tell of a packing that is better than all before it."""
-        self.found(packing)
         tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
         whole = len(packing.placements) + len(packing.leftovers)
         self.report(
