@@ -12,7 +12,7 @@ import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.anytime import Budget
+from packenv.planning.anytime import STOPPED, Budget
 from packenv.planning.inquiry import Inquiry
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement, Layout, Movable, WillDo, pitch_for, without_overlap
@@ -91,6 +91,7 @@ class LayoutPacker:
         better: figures of a packing, the larger the better.
         budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
+        report: is told of every better packing, a line each.
         found: is given the packing of every layout that is tried out.
     """
 
@@ -102,6 +103,7 @@ class LayoutPacker:
     better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
     budget: Budget = field(default_factory=Budget)
     clock: Callable[[], float] = time.perf_counter
+    report: Callable[[str], None] = lambda line: None
     found: Callable[[Packing], None] = lambda packing: None
 
     def __enter__(self) -> LayoutPacker:
@@ -137,18 +139,31 @@ class LayoutPacker:
 
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
+            if not found or self.better(packing) > max(map(self.better, found)):
+                self.tell(packing, effort)
             found.append(replace(packing, made_by=self.name))
             self.found(packing)
             return packing.complete and not packing.risk
 
-        while fits and pieces and effort.left():
-            promising = _Promising(try_out)
-            arrangement = self.arrange(pieces, container, start, rng, effort, promising)
-            if promising.done or (arrangement.overlap and try_out(arrangement)):
-                return found[-1]
+        try:
+            while fits and pieces and effort.left():
+                promising = _Promising(try_out)
+                arrangement = self.arrange(pieces, container, start, rng, effort, promising)
+                if promising.done or (arrangement.overlap and try_out(arrangement)):
+                    return found[-1]
+        except KeyboardInterrupt:
+            self.report(STOPPED)
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
         return max(found, key=self.better)
+
+    def tell(self, packing: Packing, effort: Effort) -> None:
+        """Say what a layout became."""
+        top = max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
+        self.report(
+            f"after {effort.elapsed:.1f} s of layouts: {len(packing.placements)} of "
+            f"{len(packing.placements) + len(packing.leftovers)} items, height {top:.3f} m ({self.name})"
+        )
 
     def movables(
         self,

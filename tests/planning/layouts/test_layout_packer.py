@@ -120,7 +120,7 @@ def test_methods_are_options(method: str) -> None:
     assert rp.verify(plan, catalogue).ok
     again = rp.plan(order, BOX, catalogue, dataclasses.replace(plan.made_with or PlanOptions(), budget=0.0))
     assert again.made_by != method  # no time for a layout
-    with pytest.raises(InputError, match="method is 'seperate', give one of search, separate, gls"):
+    with pytest.raises(InputError, match="method is 'seperate', give one of auto, search, separate, gls"):
         PlanOptions(method="seperate")  # type: ignore[arg-type]
 
 
