@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
+from benchmarks.runs import finish, product_code
 from benchmarks.shelf import open_shelf
-from experiments.runs import finish, order_options, product_code
+from experiments.runs import order_options
 from packenv import api
 from packenv.cli.exit_codes import reported
 from packenv.config import GridConfig

@@ -15,9 +15,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.runs import finish
 from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
-from experiments.runs import finish
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.io.rows import row_key

@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.runs import finish
 from experiments.execution import COLUMNS
 from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
-from experiments.runs import finish
 from packenv.io.rows import row_key
 from packenv.types import Plan
 from packenv.version import __version__

@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchmarks.orders import fitting, random_orders
+from benchmarks.runs import finish
 from benchmarks.shelf import open_shelf
-from experiments.runs import finish, order_options
+from experiments.runs import order_options
 from packenv import api
 from packenv.cli.exit_codes import reported
 from packenv.cli.pack import options_from

@@ -91,6 +91,7 @@ class LayoutPacker:
         better: figures of a packing, the larger the better.
         budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
+        found: is given the packing of every layout that is tried out.
     """
 
     planner: Planner
@@ -101,6 +102,7 @@ class LayoutPacker:
     better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
     budget: Budget = field(default_factory=Budget)
     clock: Callable[[], float] = time.perf_counter
+    found: Callable[[Packing], None] = lambda packing: None
 
     def __enter__(self) -> LayoutPacker:
         """The packer."""
@@ -136,6 +138,7 @@ class LayoutPacker:
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
             found.append(replace(packing, made_by=self.name))
+            self.found(packing)
             return packing.complete and not packing.risk
 
         while fits and pieces and effort.left():
