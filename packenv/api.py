@@ -163,6 +163,7 @@ def plan(
     start: Plan | PartlyFilled | None = None,
     unit: str | None = None,
     margins: bool = True,
+    workers: int = 1,
     watcher: Watcher = SILENT,
     **words: Any,
 ) -> Plan:
@@ -179,6 +180,8 @@ def plan(
             :func:`load_partly_filled` reads. They are the plan's first items, ``lying`` says how many.
         unit: of the meshes, where ``catalogue`` is a folder or meshes in memory, and of such a container's size.
         margins: tell the margin of every placed item, a few milliseconds each.
+        workers: processes that search where there is a ``budget`` or ``plans``; the same ``plans`` give the same plan
+            on any number. With more than one a script keeps its work under ``if __name__ == "__main__":``.
         watcher: is told of progress.
         words: options by name, in place of those of ``options``: ``heuristic="mta"``.
 
@@ -192,7 +195,7 @@ def plan(
         box = PartlyFilled.of_plan(start) if isinstance(start, Plan) else start
         _check_box(container, box, unit)
         return _plan_onto_start(
-            order, box, catalogue, _options(options).changed(words), unit, watcher, margins
+            order, box, catalogue, _options(options).changed(words), unit, watcher, margins, workers
         )
     if container is None:
         raise InputError(
@@ -206,6 +209,7 @@ def plan(
         boxes_max=1,
         unit=unit,
         margins=margins,
+        workers=workers,
         watcher=watcher,
         **words,
     )
@@ -221,6 +225,7 @@ def plan_boxes(
     boxes_max: int,
     unit: str | None = None,
     margins: bool = True,
+    workers: int = 1,
     watcher: Watcher = SILENT,
     **words: Any,
 ) -> tuple[Plan, ...]:
@@ -236,6 +241,7 @@ def plan_boxes(
         boxes_max: how many boxes may be used, at least 1.
         unit: likewise.
         margins: likewise.
+        workers: likewise.
         watcher: likewise.
         words: likewise.
 
@@ -248,13 +254,14 @@ def plan_boxes(
     """
     if isinstance(boxes_max, bool) or not isinstance(boxes_max, int) or boxes_max < 1:
         raise InputError(f"boxes_max is {boxes_max!r:.60}, give a whole number of at least 1")
+    _check_workers(workers)
     chosen = _options(options).changed(words)
     boxes = _boxes(container, unit)
     shelf = shelf_for(catalogue, chosen, unit)
     _check_names(order, shelf)
     if order.limits:
         shelf = shelf.with_limits(order.limits)
-    job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
+    job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher, workers=workers)
     job.load(order.names)
     packings = pack_boxes(job, boxes, job.sequence(order.names), boxes_max)
     if len(packings) == 1:
@@ -339,8 +346,10 @@ def _plan_onto_start(
     unit: str | None,
     watcher: Watcher,
     margins: bool,
+    workers: int,
 ) -> Plan:
     """Plan an order into a box that is not empty."""
+    _check_workers(workers)
     done = [name for name, _ in lies.items]
     if lies.plan is None:
         shelf = shelf_for("builtin" if catalogue is None else catalogue, options, unit)
@@ -353,7 +362,7 @@ def _plan_onto_start(
     lines = (*(OrderLine(name, 1, known.get(name, NO_LIMITS)) for name in done), *order.lines)
     if limits := limits_in(lines):
         shelf = shelf.with_limits(limits)
-    job = PlanningJob(shelf, options, margins=margins, watcher=watcher)
+    job = PlanningJob(shelf, options, margins=margins, watcher=watcher, workers=workers)
     made = _plan_onto(job, lies, order.names, lines, unit)
     return replace(made, order_source=order.source)
 
@@ -399,6 +408,16 @@ def _as_planned(lies: PartlyFilled, shelf: ItemShelf, options: PlanOptions) -> C
         return replay_plan(part, shelf.shapes, shelf.grid.cell_size, exact=options.heights == "mesh")[-1]
     except ValueError:
         return None
+
+
+def _check_workers(workers: int) -> None:
+    """Refuse a number of processes that is none.
+
+    Raises:
+        InputError: so it is.
+    """
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise InputError(f"workers is {workers!r:.60}, give a whole number of at least 1")
 
 
 def _check_box(

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     if word is None or word.lower() != "auto":
         container = None if word is None else parse_container(word, boxes, arguments.unit)
     watcher = Terminal()
-    rest = {"unit": arguments.unit, "watcher": watcher}
+    rest = {"unit": arguments.unit, "watcher": watcher, "workers": arguments.workers}
     if container is None or most == 1:
         plans: tuple[Plan, ...] = (api.plan(order, container, catalogue, options, start=lies, **rest),)
     else:

@@ -231,6 +231,14 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
         help="use up to N boxes of these kinds: fewest boxes, then least volume; files are numbered then, as "
         "plan-1.json, and --json prints a list of plans (default: %(default)s)",
     )
+    pack.add_argument(
+        "--workers",
+        type=_at_least_one,
+        default=1,
+        metavar="N",
+        help="search in N processes where there is a --budget or --plans; the same --plans give the same plan on any "
+        "number (default: %(default)s)",
+    )
     planning_options(pack)
     grid_options(pack)
     pack.add_argument("--out", type=Path, metavar="PLAN", help="write the plan (JSON)")

@@ -12,7 +12,7 @@ from packenv.planning.assembly import assemble, packer
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
-from packenv.planning.portfolio import Packer, fullness
+from packenv.planning.portfolio import Packer, fullness, goal, robustness
 from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
@@ -44,6 +44,7 @@ class PlanningJob:
         margins: tell the margin of every placed item.
         world: physics of drops; the usual one where None.
         watcher: is told of progress.
+        workers: processes that search where there is a budget; plans do not depend on it.
     """
 
     shelf: ItemShelf
@@ -51,6 +52,7 @@ class PlanningJob:
     margins: bool = True
     world: WorldConfig | None = None
     watcher: Watcher = SILENT
+    workers: int = 1
 
     def load(self, names: Collection[str]) -> None:
         """Load all that planning will ask for; say what was repaired.
@@ -82,7 +84,8 @@ class PlanningJob:
     def planner(self, box: Container, *, give_up: bool = False) -> Planner:
         """The planner for a container; one, whatever ``auto`` is made of."""
         if self.options.stability != "physics":
-            return assemble(self.options, self.shelf, box, margins=self.margins, give_up=give_up)
+            margins = self.margins or self.options.goal == "robust"
+            return assemble(self.options, self.shelf, box, margins=margins, give_up=give_up)
         from packenv.execution.physics_planner import make_planner
 
         return make_planner(
@@ -101,7 +104,9 @@ class PlanningJob:
             self.options,
             self.planner(box, give_up=give_up),
             self.shelf.shapes,
-            report=self.watcher.remark,
+            robustness if self.options.goal == "robust" else goal,
+            self.watcher.remark,
+            self.workers,
         )
 
     def spares(self, box: Container) -> tuple[Planner, ...]:
@@ -115,17 +120,13 @@ class PlanningJob:
         with self.packer(box, give_up=give_up) as packing:
             return packing.pack(sequence, self.shelf.prepared, box)
 
-    def pack_smallest(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing:
-        """The packing in the smallest container that takes all, else in the largest."""
-        return self.smallest_for_all(boxes[:-1], sequence) or self.pack(boxes[-1], sequence)
-
     def smallest_for_all(self, boxes: Sequence[Container], sequence: Sequence[str]) -> Packing | None:
         """The packing in the first container that takes all.
 
         Each is given up as soon as it is known not to do, and there are no restarts. What does without a margin in a
         small box goes before a margin in a larger one.
         """
-        hurried = self._hurried()
+        hurried = self.hurried()
         for box in boxes:
             careful = hurried.planner(box, give_up=True)
             for planner in (careful, *self._without_margin(careful)):
@@ -138,11 +139,11 @@ class PlanningJob:
 
     def fill(self, box: Container, sequence: Sequence[str]) -> Packing:
         """Pack into an empty container what it takes, without restarts: the more volume, the better."""
-        hurried = self._hurried()
+        hurried = self.hurried()
         with packer(hurried.options, hurried.planner(box), self.shelf.shapes, fullness) as packing:
             return packing.pack(sequence, self.shelf.prepared, box)
 
-    def _hurried(self) -> PlanningJob:
+    def hurried(self) -> PlanningJob:
         """The same without restarts, and without a search or layouts."""
         return replace(
             self, options=replace(self.options, restarts=0, method="search", budget=None, plans=None)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 
 from packenv.execution.planning_job import PlanningJob
+from packenv.execution.smallest_box import pack_smallest
 from packenv.planning.admission import KEPT_APART, OVERWEIGHT
 from packenv.planning.packing import PERHAPS, Packing
 from packenv.types import Container, Leftover, OrderLine, limits_in
@@ -40,10 +41,10 @@ def pack_boxes(
 
     Returns:
         A packing for each box, at least one; what no box takes is left over in the last. Where one box is allowed, or
-        does, it is that of :meth:`PlanningJob.pack_smallest`.
+        does, it is that of :func:`packenv.execution.smallest_box.pack_smallest`.
     """
     found = _Search(replace(job, watcher=SILENT), kinds, most).several(sequence) if most > 1 else []
-    return found if len(found) > 1 or (found and found[0].complete) else [job.pack_smallest(kinds, sequence)]
+    return found if len(found) > 1 or (found and found[0].complete) else [pack_smallest(job, kinds, sequence)]
 
 
 def shared_out(lines: Sequence[OrderLine], packings: Sequence[Packing]) -> list[tuple[OrderLine, ...]]:

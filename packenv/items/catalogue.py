@@ -83,6 +83,10 @@ class Catalogue:
         self.shelves: dict[object, object] = {}
         self._items: dict[str, Item] = {}
 
+    def __getstate__(self) -> dict[str, object]:
+        """Copied to another process it keeps its items, and its shelves load anew."""
+        return {**self.__dict__, "shelves": {}}
+
     @classmethod
     def of_items(cls, items: Mapping[str, Item]) -> Catalogue:
         """A catalogue of items that are in no folder."""

@@ -36,17 +36,21 @@ MAP_MEMORY = 96 * 2**20
 class _Lazy(Mapping[str, T], Generic[T]):
     """A mapping whose values are made when they are first asked for."""
 
-    def __init__(self, make: Callable[[str], T], names: Callable[[], Iterable[str]]) -> None:
-        self._make, self._names = make, names
+    def __init__(self, shelf: ItemShelf, attribute: str, make: Callable[[str], T]) -> None:
+        self._shelf, self._attribute, self._make = shelf, attribute, make
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[ItemShelf, str]]:
+        """Copied to another process it is the same attribute of the shelf's copy."""
+        return getattr, (self._shelf, self._attribute)
 
     def __getitem__(self, name: str) -> T:
         return self._make(name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._names())
+        return iter(self._shelf._names())
 
     def __len__(self) -> int:
-        return len(list(self._names()))
+        return len(list(self._shelf._names()))
 
 
 class _Recent(Generic[T]):
@@ -143,16 +147,26 @@ class ItemShelf:
         self._kept_maps = _Recent(map_memory, _map_bytes)
         self._kept_fields = _Recent(field_memory, _field_bytes)
 
-        def lazily(make: Callable[[str], T]) -> Mapping[str, T]:
-            return _Lazy(make, self._names)
+        self.items: Mapping[str, Item] = _Lazy(self, "items", self._item)
+        self.masses: Mapping[str, float] = _Lazy(self, "masses", lambda name: self._item(name).mass)
+        self.parts: Mapping[str, ConvexParts] = _Lazy(self, "parts", self._parts)
+        self.shapes: Mapping[str, Item] = _Lazy(self, "shapes", self._shape)
+        self.prepared: Mapping[str, PreparedItem] = _Lazy(self, "prepared", self._prepared)
+        self.fields: Mapping[str, SurfaceField] = _Lazy(self, "fields", self._field)
+        self.physics: Mapping[str, PhysicsItem] = _Lazy(self, "physics", self._physics)
 
-        self.items: Mapping[str, Item] = lazily(self._item)
-        self.masses: Mapping[str, float] = lazily(lambda name: self._item(name).mass)
-        self.parts: Mapping[str, ConvexParts] = lazily(self._parts)
-        self.shapes: Mapping[str, Item] = lazily(self._shape)
-        self.prepared: Mapping[str, PreparedItem] = lazily(self._prepared)
-        self.fields: Mapping[str, SurfaceField] = lazily(self._field)
-        self.physics: Mapping[str, PhysicsItem] = lazily(self._physics)
+    def __reduce__(self) -> tuple[Callable[..., ItemShelf], tuple[object, ...]]:
+        """Copied to another process it loads anew what it is asked for."""
+        made_of = (
+            self.catalogue,
+            self.grid,
+            self.geometry,
+            self._cache,
+            self._memories,
+            self._brought,
+            self._freer,
+        )
+        return _copied, made_of
 
     def bring(self, items: Mapping[str, Item]) -> None:
         """Take items that are of no catalogue, in place of those that were brought before.
@@ -301,6 +315,21 @@ class ItemShelf:
         return _kept(
             self._kept_physics, name, lambda: PhysicsItem.of_item(self._item(name), self._parts(name))
         )
+
+
+def _copied(
+    catalogue: Catalogue,
+    grid: GridConfig,
+    geometry: Geometry,
+    cache: ItemCache,
+    memories: tuple[int, int],
+    brought: Mapping[str, Item],
+    freer: ItemShelf | None,
+) -> ItemShelf:
+    fields, maps = memories
+    made = ItemShelf(catalogue, grid, geometry, cache=cache, field_memory=fields, map_memory=maps)
+    made._brought, made._freer = brought, freer
+    return made
 
 
 def _kept(store: dict[str, T], name: str, make: Callable[[], T]) -> T:

@@ -1,44 +1,36 @@
 """Search on after the first plan, for as long as the user gives: the best plan so far at any moment (``--budget``).
 
-A plan is made of a sequence of items and one heuristic. The search changes one or the other a little, packs again,
-and keeps what is not worse. Two plans whose sequences begin alike share that beginning: each step of a *trail* keeps
-the pile that it left, so only what comes after the first difference is packed again. Of a piece that found no place
-it is asked up to which step it would have found one; there, or earlier, it is put.
-
-A trail tries stable poses alone: what the fallback knows is in the plan that the search begins with.
+Several chains of plans (:mod:`packenv.planning.chains`) walk side by side, in rounds. After a round a chain that is
+behind goes on from the best plan of all. The number of chains is fixed, and a round is read in the order of the
+chains, so the plan does not depend on how many processes they run in.
 """
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.chain_workers import OneProcess, Processes, Team
+from packenv.planning.chains import Chain, Improvement, Round, RoundEnd, Start
 from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
-from packenv.planning.packing_pass import PackingPass, PassRules
 from packenv.planning.planner import Planner
 from packenv.planning.portfolio import Packer, goal
 from packenv.planning.search.container_map import ContainerMap
-from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
-from packenv.planning.sequence import Piece, pieces_of
-from packenv.planning.stability.constraint import StabilityConstraint
-from packenv.planning.tiers import Strategy
-from packenv.types import Container, Leftover
+from packenv.planning.trails import Trails, single_passes
+from packenv.types import Container
 
-_STALE = 60
-"""So many plans without a better one end a walk: it goes on from the best."""
+CHAINS = 4
+"""How many walk side by side."""
 
-_WORSE = 0.1
-"""Share of worse plans that are walked on from, if they lose no more than one piece more."""
-
-_AGAIN = 0.3
-"""Share of changes that are two changes at once."""
+ROUND = 16
+"""Plans of a chain in a round."""
 
 
 @dataclass(frozen=True)
@@ -60,42 +52,18 @@ class Budget:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """What became of one piece.
+class WholeIsEnough:
+    """Whether a plan ends the search: one that has every item, if that is all that is asked.
 
     Attributes:
-        run: the pass of this piece alone, which has its placement, if any.
-        pile: what the container then holds.
-        leftover: why the piece has no place; None where it has one.
+        aim: see :data:`packenv.planning.options.Goal`.
     """
 
-    run: PackingPass
-    pile: Pile
-    leftover: Leftover | None
+    aim: Goal
 
-
-@dataclass(frozen=True, eq=False)
-class Trail:
-    """A plan with the pile of every step.
-
-    Attributes:
-        sequence: item names.
-        rule: index of the heuristic.
-        steps: one for each name.
-    """
-
-    sequence: tuple[str, ...]
-    rule: int
-    steps: tuple[Step, ...]
-
-    @property
-    def lost(self) -> list[int]:
-        """Places in the sequence of the pieces without a place."""
-        return [k for k, step in enumerate(self.steps) if step.leftover is not None]
-
-
-class _OverError(Exception):
-    """The time is over."""
+    def __call__(self, packing: Packing) -> bool:
+        """Whether nothing better can be asked."""
+        return not packing.lost and not packing.risk and self.aim in ("items", "box")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +78,9 @@ class Anytime:
         seed: of the changes.
         report: is told of every improvement, a line each.
         better: figures of a packing, the larger the better.
-        found: is given every better packing, without margins.
-        clock: tells seconds.
+        workers: processes to search in; 1 is this one.
+        clock: tells seconds; with more workers, the same ones in all of them.
+        found: is told of the first plan and of every better one.
     """
 
     first: Packer
@@ -121,8 +90,9 @@ class Anytime:
     seed: int = 0
     report: Callable[[str], None] = lambda line: None
     better: Callable[[Packing], tuple[float, ...]] = goal
-    found: Callable[[Packing], None] = lambda packing: None
+    workers: int = 1
     clock: Callable[[], float] = time.monotonic
+    found: Callable[[Packing], None] = lambda packing: None
 
     def __enter__(self) -> Anytime:
         """The search."""
@@ -152,15 +122,40 @@ class Anytime:
             start: likewise.
         """
         began = self.clock()
-        best = self.first.pack(sequence, items, container, start)
-        end = np.inf if self.budget.seconds is None else began + self.budget.seconds
-        walk = _Walk(self, items, container, start, best, began, end)
-        hopeless = Counter(left.item for left in walk.left_over)
-        within = tuple((Counter(sequence) - hopeless).elements())
+        first = self.first.pack(sequence, items, container, start)
+        self.found(first)
+        hopeless = tuple(left for left in first.leftovers if left.reason not in PERHAPS)
+        within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
         order = sorted(within, key=list(sequence).index)
-        if order:
-            walk.go(order)
-        return walk.told()
+        enough = WholeIsEnough(self.aim)
+        if not order or enough(first):
+            return first
+        rules = list(single_passes(self.members, margins=self.aim == "robust"))
+        trails = Trails(rules, items, container, start, self.aim)
+        chains = [Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)]
+        walk = _Walk(self, chains, Counter(left.item for left in hopeless), first, began)
+        try:
+            with self.team(chains) as team:
+                walk.go(team, order)
+        except KeyboardInterrupt:
+            self.report("stopped: the best plan so far is taken")
+        except ChildProcessError as problem:
+            self.report(f"{problem}: the best plan so far is taken")
+        if walk.kept is None:
+            return first
+        if self.aim != "robust":  # the figures that a search has no use for, such as margins
+            rules = list(single_passes(self.members, margins=True))
+            trails = Trails(rules, items, container, start, self.aim)
+        return trails.packing(trails.trail(walk.kept.sequence, walk.kept.rule), hopeless)
+
+    def team(self, chains: Sequence[Chain]) -> Team:
+        """The chains in as many processes as are asked for."""
+        if self.workers > 1:
+            try:
+                return Processes(chains, self.workers)
+            except TypeError as problem:
+                self.report(f"one worker instead of {self.workers}: {problem}")
+        return OneProcess(chains)
 
 
 @dataclass(eq=False)
@@ -169,199 +164,67 @@ class _Walk:
 
     Attributes:
         search: its settings.
-        items: prepared.
-        container: the box.
-        start: what lies in it.
-        best: the best plan so far.
+        chains: what walks.
+        hopeless: items without a place in any plan, how many of each.
+        best: the best plan so far, less the hopeless items.
         began: when, s.
-        end: when it has to end, s.
+        kept: what makes the best plan, if the search found it.
     """
 
     search: Anytime
-    items: Mapping[str, PreparedItem]
-    container: Container
-    start: Pile | None
+    chains: Sequence[Chain]
+    hopeless: Counter[str]
     best: Packing
     began: float
-    end: float
+    kept: Start | None = None
+    plans: int = 0
 
-    def __post_init__(self) -> None:
-        self.rules = [rules for member in self.search.members for rules in _single_passes(member, quiet=True)]
-        self.kept: Trail | None = None
-        self.rng = np.random.default_rng(self.search.seed)
-        self.left_over = tuple(left for left in self.best.leftovers if left.reason not in PERHAPS)
-        self.plans = 0
-
-    def go(self, sequence: Sequence[str]) -> None:
-        """Search until the aim or the budget is reached, or somebody stops it."""
-        if self.done():
-            return
-        placed = Counter(sequence) & Counter(p.item for p in self.best.placements)
-        as_packed = (*(p.item for p in self.best.placements), *(Counter(sequence) - placed).elements())
-        begin = dict.fromkeys((tuple(sequence), as_packed))
-        try:
-            trails = (self.trail(names, k, None) for names in begin for k in range(len(self.rules)))
-            current = min(trails, key=self.cost)
-            best, stale, idle = current, 0, 0
-            while not self.done() and self.search.clock() < self.end and idle < _STALE:
-                changed = self.changed(current)
-                if changed is None:
-                    idle += 1
+    def go(self, team: Team, order: Sequence[str]) -> None:
+        """Rounds until the aim or the budget is reached."""
+        budget, clock = self.search.budget, self.search.clock
+        most = np.inf if budget.plans is None else budget.plans
+        end = np.inf if budget.seconds is None else self.began + budget.seconds
+        begin = self.starts(order)
+        tasks = [begin[k::CHAINS] for k in range(CHAINS)]
+        costs: list[tuple[int, float, float] | None] = [None] * CHAINS
+        leader: tuple[tuple[int, float, float], Start] | None = None
+        while self.plans < most and clock() < end:
+            left = most - self.plans
+            quotas = [int(max(0, min(ROUND, left - k * ROUND))) for k in range(CHAINS)]
+            rounds = [Round(tuple(t), q, float(end)) for t, q in zip(tasks, quotas, strict=True)]
+            ends = []
+            for k, told in team.advance(rounds):
+                if isinstance(told, RoundEnd):
+                    ends.append(told)
+                    self.plans += told.plans
                     continue
-                idle = 0
-                trail = self.trail(*changed, current)
-                cost, now = self.cost(trail), self.cost(current)
-                one_more = cost[0] <= now[0] + 1 and self.rng.random() < _WORSE
-                stale = 0 if cost < now else stale + 1
-                if cost <= now or one_more:
-                    current = trail
-                if cost < self.cost(best):
-                    best = trail
-                if stale > _STALE:
-                    current, stale = best, 0
-        except _OverError:
-            pass
-        except KeyboardInterrupt:
-            self.search.report("stopped: the best plan so far is taken")
+                costs[k] = told.cost
+                if leader is None or told.cost < leader[0]:
+                    leader = told.cost, told.start
+                if self.keep(told) and self.chains[k].enough(told.packing):
+                    return
+            if leader is None or all(told.idle for told in ends):
+                return
+            tasks = [[] if cost == leader[0] else [leader[1]] for cost in costs]
 
-    def told(self) -> Packing:
-        """The best plan, with the figures that a search has no use for, such as margins."""
-        if self.kept is None:
-            return self.best
-        self.rules = [
-            rules for member in self.search.members for rules in _single_passes(member, quiet=False)
-        ]
-        steps: list[Step] = []
-        for piece in pieces_of(self.kept.sequence):
-            steps.append(self.step(piece, self.kept.rule, steps[-1].pile if steps else self.start))
-        return self.packing(replace(self.kept, steps=tuple(steps)))
+    def starts(self, order: Sequence[str]) -> list[Start]:
+        """What is packed first: the order's sequence and that of the first plan, by every heuristic."""
+        placed = Counter(order) & Counter(p.item for p in self.best.placements)
+        as_packed = (*(p.item for p in self.best.placements), *(Counter(order) - placed).elements())
+        rules = range(len(self.chains[0].trails.rules))
+        return [Start(names, k) for names in dict.fromkeys((tuple(order), as_packed)) for k in rules]
 
-    def done(self) -> bool:
-        """Whether the aim or the budget is reached."""
-        whole = not self.best.lost and not self.best.risk and self.search.aim == "items"
-        return whole or (self.search.budget.plans is not None and self.plans >= self.search.budget.plans)
-
-    def cost(self, trail: Trail) -> tuple[int, float, float]:
-        """Pieces without a place, the volume of their boxes, m³, and the height of the pile, m."""
-        lost = trail.lost
-        tops = (float(p.corner[2] + p.extents[2]) for s in trail.steps for p in s.run.placements)
-        volume = sum(self.items[trail.sequence[k]].box_volume for k in lost)
-        return len(lost), volume, max(tops, default=0.0)
-
-    def trail(self, sequence: tuple[str, ...], rule: int, parent: Trail | None) -> Trail:
-        """Pack a sequence; what it shares with its parent's beginning is taken from there."""
-        if self.search.budget.plans is not None and self.plans >= self.search.budget.plans:
-            raise _OverError
-        shared = 0
-        if parent is not None and parent.rule == rule:
-            pairs = zip(sequence, parent.sequence, strict=True)
-            shared = next((k for k, (a, b) in enumerate(pairs) if a != b), len(sequence))
-        steps = list(parent.steps[:shared]) if parent is not None else []
-        pieces = pieces_of(sequence)
-        for piece in pieces[shared:]:
-            if self.search.clock() > self.end:
-                raise _OverError
-            steps.append(self.step(piece, rule, steps[-1].pile if steps else self.start))
-        self.plans += 1
-        made = Trail(sequence, rule, tuple(steps))
-        self.keep(made)
-        return made
-
-    def step(self, piece: Piece, rule: int, pile: Pile | None) -> Step:
-        """One piece more."""
-        rules = self.rules[rule]
-        run = PackingPass(rules, self.items, self.container, pile)
-        refusal = rules.admission.refusal(piece.item, run.pile.held, self.container)
-        if refusal is not None:
-            return Step(run, run.pile, Leftover(piece.item, piece.instance, *refusal))
-        held = rules.admission.with_item(run.pile.held, piece.item)
-        rejected = run.first_pass(piece)
-        if rejected is not None:
-            return Step(run, run.pile, run.leftover(self.items[piece.item], piece, rejected))
-        return Step(run, replace(run.pile, held=held), None)
-
-    def latest(self, trail: Trail, lost: int) -> int | None:
-        """The latest step before which a lost piece has a place; None where it has none in the empty container."""
-        name, rule = trail.sequence[lost], trail.rule
-
-        def fits(before: int) -> bool:
-            pile = trail.steps[before - 1].pile if before else self.start
-            return self.step(Piece(name, 1), rule, pile).leftover is None
-
-        if not fits(0):
-            return None
-        low, high = 0, lost
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if fits(middle) else (low, middle)
-        return low
-
-    def changed(self, trail: Trail) -> tuple[tuple[str, ...], int] | None:
-        """Another sequence or heuristic; None where nothing changed."""
-        names, rule, lost = list(trail.sequence), trail.rule, trail.lost
-        for _ in range(2 if self.rng.random() < _AGAIN else 1):
-            draw, (i, j) = self.rng.random(), self.rng.integers(0, len(names), 2).tolist()
-            if lost and draw < 0.5:
-                piece = int(self.rng.choice(lost))
-                before = self.latest(trail, piece)
-                if before is None:
-                    return None
-                before = before if self.rng.random() < 0.5 else int(self.rng.integers(0, before + 1))
-                names.insert(before, names.pop(piece))
-                lost = []
-            elif draw < 0.7:
-                names[i], names[j] = names[j], names[i]
-            elif draw < 0.85:
-                names.insert(j, names.pop(i))
-            else:
-                rule = int(self.rng.integers(len(self.rules)))
-        found = tuple(names)
-        return None if (found, rule) == (trail.sequence, trail.rule) else (found, rule)
-
-    def keep(self, trail: Trail) -> None:
-        """Take a plan that is better than the best so far, and say so."""
-        packing = self.packing(trail)
-        if self.search.better(packing) <= self.search.better(self.best):
-            return
-        self.best, self.kept = packing, trail
-        self.search.found(packing)
+    def keep(self, told: Improvement) -> bool:
+        """Take a plan that is better than the best so far, and say so; whether it is."""
+        search, packing = self.search, told.packing
+        if search.better(packing) <= search.better(self.best):
+            return False
+        self.best, self.kept = packing, told.start
+        search.found(packing)
         tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
-        whole = len(packing.placements) + len(packing.leftovers)
-        self.search.report(
-            f"after {self.search.clock() - self.began:.1f} s and {self.plans} plans: {len(packing.placements)} of "
-            f"{whole} items, height {max(tops, default=0.0):.3f} m ({packing.made_by})"
+        whole = len(packing.placements) + len(packing.leftovers) + self.hopeless.total()
+        search.report(
+            f"after {search.clock() - self.began:.1f} s and {self.plans + told.plans} plans: "
+            f"{len(packing.placements)} of {whole} items, height {max(tops, default=0.0):.3f} m ({packing.made_by})"
         )
-
-    def packing(self, trail: Trail) -> Packing:
-        """A trail as the planner's result."""
-        runs = [step.run for step in trail.steps]
-        placements = tuple(p for run in runs for p in run.placements)
-        lost = tuple(step.leftover for step in trail.steps if step.leftover is not None)
-        volume = sum(self.items[p.item].volume for p in placements)
-        return Packing(
-            self.container,
-            placements,
-            (*lost, *self.left_over),
-            tuple(surface for run in runs for surface in run.surfaces),
-            volume / self.container.volume,
-            tuple(name for run in runs for name in run.makeshift),
-            sum(run.risk for run in runs),
-            name_of(self.rules[trail.rule].heuristic),
-        )
-
-
-def _single_passes(member: Planner, *, quiet: bool) -> Iterator[PassRules]:
-    """The rules of trails: the tiers of a restart, stable poses alone, and where quiet no margins to be told.
-
-    Where exact places are tried, another trail tries the grid alone: in the time of one there are five of those.
-    """
-    tiers = member.strategy.restart_tiers or member.strategy.first
-    constraints = [
-        replace(c, with_margin=False) if quiet and isinstance(c, StabilityConstraint) else c
-        for c in member.constraints
-    ]
-    strategy = Strategy(first=tuple(tiers), clearance=member.strategy.clearance)
-    rules = replace(member, constraints=constraints, strategy=strategy, perturbations=None, give_up=False)
-    yield rules
-    if member.places == "exact":
-        yield replace(rules, places="grid")
+        return True

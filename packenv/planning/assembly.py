@@ -262,6 +262,7 @@ def packer(
     shapes: Mapping[str, Item],
     better: Callable[[Packing], tuple[float, ...]] = goal,
     report: Callable[[str], None] = lambda line: None,
+    workers: int = 1,
 ) -> Packer:
     """What packs orders as the options ask: the planner made of them, one for each rule of ``auto``, or layouts.
 
@@ -274,6 +275,7 @@ def packer(
         shapes: every item of the order by name, of the geometry that is planned with.
         better: which of several plans is kept.
         report: is told of what a search finds, a line each.
+        workers: processes that search; the plan does not depend on it.
     """
     members = [planner]
     if options.heuristic == AUTO and not options.asks_physics:
@@ -287,7 +289,7 @@ def packer(
         )
     if not budget.given:
         return alone
-    return Anytime(alone, members, budget, options.goal, options.seed, report, better)
+    return Anytime(alone, members, budget, options.goal, options.seed, report, better, workers)
 
 
 def as_paper(

@@ -27,8 +27,8 @@ GraspRule: TypeAlias = Literal["seal", "flat", "paper"]
 Search: TypeAlias = Literal["3d", "5d"]
 Sequencing: TypeAlias = Literal["volume", "given"]
 Method: TypeAlias = Literal["search", "separate", "gls"]
-Goal: TypeAlias = Literal["items", "height"]
-"""What a search is after: most items, and then it ends; or most items, and then the lowest pile."""
+Goal: TypeAlias = Literal["items", "height", "box", "robust"]
+"""What a search is after, most items always before all else: see :attr:`PlanOptions.goal`."""
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -141,7 +141,9 @@ class PlanOptions:
         budget: seconds in which better plans are searched for (:mod:`packenv.planning.anytime`); None makes the
             first plan alone.
         plans: the same, as a number of plans: the same number gives the same plan.
-        goal: what is better: ``items``: most items, and then it ends; ``height``: then the lowest pile.
+        goal: what is better once no more items can be placed: ``items``: nothing, the search ends; ``height``: the
+            lowest pile; ``robust``: the largest margin of the item that has least; ``box``: the smallest of several
+            boxes, in a single one as ``items``.
         max_checked: the paper's N.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
@@ -240,7 +242,10 @@ class PlanOptions:
         optional=True,
     )
     goal: Goal = _words(
-        Goal, "items", "what the search is after: most items, and then it ends, or then also the lowest pile"
+        Goal,
+        "items",
+        "what the search is after besides most items: nothing, and it ends when all are packed; the lowest pile; the "
+        "smallest of several boxes; or the largest margin against tilting of the item that has least",
     )
     max_checked: int = _number(
         100, "candidates of one item that are put to the constraints", whole=True, least=1, most=100_000
@@ -307,6 +312,11 @@ class PlanOptions:
             )
         if self.stability == "physics" and (self.budget is not None or self.plans is not None):
             raise InputError("budget and plans: a plan under stability physics takes minutes; leave them out")
+        if self.goal == "robust" and self.constraints == "overlap":
+            raise InputError(
+                "goal robust: a margin is one of force balance, which constraints overlap leaves out; "
+                "give constraints stability or robot"
+            )
         if self.asks_physics and self.geometry == "mesh":
             asks = "stability physics" if self.stability == "physics" else f"rehearse {self.rehearse}"
             raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
-from packenv.types import Container
+from packenv.types import Container, Placement
 
 
 class Packer(Protocol):
@@ -110,10 +110,25 @@ def goal(packing: Packing) -> tuple[float, ...]:
     Most items placed; then the least risk; then the lowest pile, m; then the margin of the item that has
     least, degrees, where margins are told.
     """
-    tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
-    figures = (p.details.get("stability") for p in packing.placements)
+    count, safety = len(packing.placements), -packing.risk
+    return count, safety, -_top(packing), least_margin(packing.placements)
+
+
+def robustness(packing: Packing) -> tuple[float, ...]:
+    """As :func:`goal`, but a larger margin goes before a lower pile."""
+    count, safety = len(packing.placements), -packing.risk
+    return count, safety, least_margin(packing.placements), -_top(packing)
+
+
+def least_margin(placements: Iterable[Placement]) -> float:
+    """The margin of the item that has least, degrees; 0 where margins are not told."""
+    figures = (p.details.get("stability") for p in placements)
     margins = (float(f["margin_deg"]) for f in figures if isinstance(f, Mapping) and "margin_deg" in f)
-    return len(packing.placements), -packing.risk, -max(tops, default=0.0), min(margins, default=0.0)
+    return min(margins, default=0.0)
+
+
+def _top(packing: Packing) -> float:
+    return max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
 
 
 def fullness(packing: Packing) -> tuple[float, ...]:

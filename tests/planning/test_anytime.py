@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import json
 import time
 from typing import Any
 
@@ -12,12 +12,16 @@ import pytest
 import packenv as rp
 from packenv.config import GridConfig
 from packenv.io.plans import plan_to_json
-from packenv.planning.anytime import Anytime, Budget, Trail, _Walk
+from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.assembly import assemble, packer
+from packenv.planning.chain_workers import Processes
 from packenv.planning.options import PlanOptions
 from packenv.planning.planner import by_box_volume
+from packenv.planning.portfolio import least_margin
 from packenv.planning.sequence import Piece
+from packenv.planning.trails import Trail, Trails, single_passes
 from packenv.types import Container
+from packenv.watcher import Watcher
 from tests.shapes import box, cup
 from tests.shelf_samples import shelf_of
 
@@ -32,14 +36,12 @@ NAMES = sorted(ITEMS)
 WORDS: dict[str, Any] = {"grid": GRID, "restarts": 0}
 
 
-def walk_of(options: PlanOptions) -> tuple[_Walk, list[str]]:
+def trails_of(options: PlanOptions) -> tuple[Trails, list[str]]:
     shelf = shelf_of(ITEMS, GRID)
     search = packer(options, assemble(options, shelf, BOX), shelf.shapes)
     assert isinstance(search, Anytime)
-    sequence = by_box_volume(NAMES, shelf.prepared)
-    first = search.first.pack(sequence, shelf.prepared, BOX)
-    walk = _Walk(search, shelf.prepared, BOX, None, first, time.monotonic(), math.inf)
-    return walk, sequence
+    rules = list(single_passes(search.members, margins=False))
+    return Trails(rules, shelf.prepared, BOX, None), by_box_volume(NAMES, shelf.prepared)
 
 
 def places(trail: Trail) -> list[tuple[str, bytes, bytes] | None]:
@@ -52,29 +54,31 @@ def places(trail: Trail) -> list[tuple[str, bytes, bytes] | None]:
 
 @pytest.mark.parametrize("constraints", ["overlap", "stability"])
 def test_a_shared_beginning_changes_nothing(constraints: str) -> None:
-    walk, sequence = walk_of(PlanOptions(constraints=constraints, plans=10**6, **WORDS))
+    trails, sequence = trails_of(PlanOptions(constraints=constraints, plans=10**6, **WORDS))
     rng = np.random.default_rng(0)
-    parent = walk.trail(tuple(sequence), 1, None)
+    parent = trails.trail(tuple(sequence), 1)
     for _ in range(6):
         names = list(parent.sequence)
         i, j = rng.integers(0, len(names), 2).tolist()
         names.insert(j, names.pop(i))
-        shared, alone = walk.trail(tuple(names), 1, parent), walk.trail(tuple(names), 1, None)
+        shared, alone = trails.trail(tuple(names), 1, parent), trails.trail(tuple(names), 1)
         assert places(shared) == places(alone)
         parent = shared
 
 
 def test_the_latest_step_with_a_place_is_that_of_a_scan() -> None:
-    walk, sequence = walk_of(
+    trails, sequence = trails_of(
         PlanOptions(constraints="overlap", heuristic="hm", plans=10**6, places="grid", **WORDS)
     )
-    trail = walk.trail(tuple(sequence), 0, None)
+    trail = trails.trail(tuple(sequence), 0)
     assert trail.lost
     for lost in trail.lost:
         piles = [None, *(step.pile for step in trail.steps[:lost])]
-        fits = [walk.step(Piece(trail.sequence[lost], 1), 0, pile).leftover is None for pile in piles]
+        fits = [trails.step(Piece(trail.sequence[lost], 1), 0, pile).leftover is None for pile in piles]
         assert fits == sorted(fits, reverse=True)  # heights only grow
-        assert walk.latest(trail, lost) == (max(k for k, fit in enumerate(fits) if fit) if fits[0] else None)
+        assert trails.latest(trail, lost) == (
+            max(k for k, fit in enumerate(fits) if fit) if fits[0] else None
+        )
 
 
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])
@@ -118,19 +122,91 @@ def test_a_height_goal_lowers_the_pile() -> None:
 
 def test_ctrl_c_gives_the_best_plan_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = 0
-    trail = _Walk.trail
+    trail = Trails.trail
 
-    def stopped(self: _Walk, *given: Any) -> Trail:
+    def stopped(self: Trails, *given: Any) -> Trail:
         nonlocal calls
         calls += 1
-        if calls > 10:
+        if calls == 11:
             raise KeyboardInterrupt
         return trail(self, *given)
 
-    monkeypatch.setattr(_Walk, "trail", stopped)
-    plan = rp.plan(rp.Order.of(*NAMES), BOX, ITEMS, constraints="overlap", budget=1e5, **WORDS)
+    monkeypatch.setattr(Trails, "trail", stopped)
+    told: list[str] = []
+    watcher = Watcher()
+    monkeypatch.setattr(watcher, "remark", told.append)
+    order = rp.Order.of(*NAMES)
+    plan = rp.plan(order, BOX, ITEMS, constraints="overlap", budget=1e5, watcher=watcher, **WORDS)
     assert plan.placements
     assert rp.verify(plan, ITEMS).ok
+    assert told[-1].startswith("stopped")
+
+
+@pytest.mark.parametrize("constraints", ["overlap", "robot"])
+def test_workers_change_nothing(constraints: str) -> None:
+    order = rp.Order.of(*NAMES)
+    words = {"constraints": constraints, "plans": 30, "seed": 4, **WORDS}
+    made = [rp.plan(order, BOX, ITEMS, workers=n, **words) for n in (1, 2, 3)]
+    assert len({json.dumps(plan_to_json(plan)) for plan in made}) == 1
+
+
+def test_a_worker_that_dies_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[Processes] = []
+    begin = Processes.advance
+
+    def dying(self: Processes, tasks: Any) -> Any:
+        if not started:
+            started.append(self)
+            yield from begin(self, tasks)
+        else:
+            self._processes[1].kill()
+            yield from begin(self, tasks)
+
+    monkeypatch.setattr(Processes, "advance", dying)
+    order = rp.Order.of(*NAMES)
+    plan = rp.plan(order, BOX, ITEMS, constraints="overlap", plans=500, workers=2, **WORDS)
+    assert rp.verify(plan, ITEMS).ok
+
+
+def test_what_cannot_be_copied_stays_in_this_process() -> None:
+    told: list[str] = []
+    watcher = Watcher()
+    watcher.remark = told.append  # type: ignore[method-assign]
+    words = {"heuristic": lambda candidates, rng: candidates.z, "constraints": "overlap", "plans": 3, **WORDS}
+    plan = rp.plan(rp.Order.of(*NAMES), BOX, ITEMS, workers=2, watcher=watcher, **words)
+    assert plan.placements
+    assert any("one worker instead of 2" in line for line in told)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, True, "2"])
+def test_workers_are_a_number(workers: Any) -> None:
+    with pytest.raises(rp.InputError, match="workers"):
+        rp.plan(rp.Order.of(*NAMES), BOX, ITEMS, workers=workers)
+
+
+def test_a_robust_goal_raises_the_least_margin() -> None:
+    order = rp.Order.of(*NAMES[:6])
+    words = {"constraints": "stability", "stability": "paper", "heuristic": "mta", **WORDS}
+    plain = rp.plan(order, BOX, ITEMS, **words)
+    robust = rp.plan(order, BOX, ITEMS, plans=40, goal="robust", **words)
+    assert len(robust.placements) >= len(plain.placements)
+    assert least_margin(robust.placements) > least_margin(plain.placements)
+    with pytest.raises(rp.InputError, match="goal robust"):
+        PlanOptions(goal="robust", constraints="overlap")
+
+
+def test_a_search_takes_a_smaller_box() -> None:
+    boxes = [Container(0.16, 0.14, z / 100) for z in range(6, 26)]
+    order = rp.Order.of(*NAMES[:8])
+    words = {"constraints": "overlap", "heuristic": "mta", "places": "grid", **WORDS}
+    greedy = rp.plan(order, boxes, ITEMS, **words)
+    found = rp.plan(order, boxes, ITEMS, plans=2000, goal="box", **words)
+    assert greedy.complete
+    assert found.complete
+    assert found.container.volume < greedy.container.volume
+    assert rp.verify(found, ITEMS).ok
+    again = rp.plan(order, boxes, ITEMS, plans=2000, goal="box", **words)
+    assert plan_to_json(again) == plan_to_json(found)
 
 
 def test_a_budget_of_seconds_ends() -> None:

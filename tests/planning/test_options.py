@@ -73,6 +73,8 @@ def options(draw: st.DrawFn) -> PlanOptions:
     values["cell"] = draw(st.sampled_from([None, "tx90", "kr10_r1100", {"robot": "tx90", "friction": 0.4}]))
     if values["stability"] == "physics" and values["constraints"] == "overlap":
         values["constraints"] = draw(st.sampled_from(["stability", "robot"]))
+    if values["goal"] == "robust" and values["constraints"] == "overlap":
+        values["goal"] = "height"
     if values["stability"] == "physics":
         values["budget"] = values["plans"] = None
     if values["stability"] == "physics" or values["rehearse"]:
@@ -248,6 +250,7 @@ def test_whatever_word_is_unknown_is_refused(name: str) -> None:
     ("given", "told"),
     [
         ({"stability": "physics", "constraints": "overlap"}, "needs force balance"),
+        ({"goal": "robust", "constraints": "overlap"}, "goal robust: a margin is one of force balance"),
         ({"stability": "physics", "geometry": "mesh"}, "stability physics: knows convex parts alone"),
         ({"rehearse": 3, "geometry": "mesh"}, "rehearse 3: knows convex parts alone"),
     ],

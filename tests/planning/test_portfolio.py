@@ -16,6 +16,7 @@ from packenv.config import GridConfig
 from packenv.env.config import PackConfig
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
+from packenv.execution.smallest_box import pack_smallest
 from packenv.planning.assembly import MEMBERS, heuristic_of
 from packenv.planning.options import SINGLE_RULES, PlanOptions
 from packenv.planning.packing import Packing
@@ -149,7 +150,7 @@ def test_a_box_that_one_rule_gives_up_is_taken_by_another() -> None:
         for name, volumes in taken.items():
             job = job_of(heuristic=name)
             job.load(names)
-            found = job.pack_smallest(boxes, job.sequence(names))
+            found = pack_smallest(job, boxes, job.sequence(names))
             volumes.append(found.container.volume if found.complete else np.inf)
     assert taken["auto"] == np.min([taken[name] for name in MEMBERS], axis=0).tolist()
     assert TIGHT.volume in taken["auto"]

@@ -37,6 +37,10 @@ class ManipulationConstraint(Constraint):
         default_factory=WeakKeyDictionary, repr=False
     )
 
+    def __reduce__(self) -> tuple[type[ManipulationConstraint], tuple[object, ...]]:
+        """Copied to another process it finds its grasps anew."""
+        return ManipulationConstraint, (self.checker, self.rule, self.masses)
+
     @property
     def name(self) -> str:
         """The word for this constraint in figures and messages."""

@@ -1,0 +1,198 @@
+"""Chains of plans, each a little different from one before: several walk side by side, in rounds.
+
+What a chain does in a round depends on its seed and on what it is given, not on the others' progress or on where it
+runs. So the same rounds come out in one process and in several.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from packenv.planning.packing import Packing
+from packenv.planning.trails import Trail, Trails
+
+_STALE = 60
+"""So many plans without a better one end a walk: it goes on from the best."""
+
+_WORSE = 0.1
+"""Share of worse plans that are walked on from, if they lose no more than one piece more."""
+
+_AGAIN = 0.3
+"""Share of changes that are two changes at once."""
+
+_IDLE = 60
+"""So many changes in a row that change nothing end a round."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A sequence of item names and the index of a heuristic."""
+
+    sequence: tuple[str, ...]
+    rule: int
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a chain is asked to do.
+
+    Attributes:
+        begin: is packed before anything else; the best of it, or of what the chain has, is gone on from.
+        plans: how many plans to make at most.
+        end: when to end, as the chain's clock tells, s.
+    """
+
+    begin: tuple[Start, ...]
+    plans: int
+    end: float
+
+
+@dataclass(frozen=True, eq=False)
+class Improvement:
+    """A plan that is better than all before it in its chain.
+
+    Attributes:
+        start: makes it again.
+        packing: the plan.
+        cost: as :meth:`Trails.cost` has it.
+        plans: how many plans the chain had made by then in this round, this one included.
+    """
+
+    start: Start
+    packing: Packing
+    cost: tuple[int, float, float]
+    plans: int
+
+
+@dataclass(frozen=True)
+class RoundEnd:
+    """How a round ended.
+
+    Attributes:
+        plans: how many plans were made.
+        idle: no change changed anything: there is nothing to search for.
+    """
+
+    plans: int
+    idle: bool
+
+
+class _OverError(Exception):
+    """The time is over."""
+
+
+@dataclass(eq=False)
+class Chain:
+    """Walks from plan to plan.
+
+    Attributes:
+        trails: makes the plans.
+        seed: of the changes.
+        better: figures of a packing, the larger the better.
+        enough: whether a plan ends the search.
+        clock: tells seconds.
+    """
+
+    trails: Trails
+    seed: tuple[int, ...]
+    better: Callable[[Packing], tuple[float, ...]]
+    enough: Callable[[Packing], bool]
+    clock: Callable[[], float] = time.monotonic
+    _current: Trail | None = field(default=None, init=False)
+    _best: Trail | None = field(default=None, init=False)
+    _figures: tuple[float, ...] = field(default=(), init=False)
+    _stale: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng(self.seed)
+
+    def advance(self, task: Round) -> Iterator[Improvement | RoundEnd]:
+        """Walk on; every better plan is told when it is found, and at last how the round ended."""
+        plans, idle = 0, 0
+
+        def in_time() -> None:
+            if self.clock() > task.end:
+                raise _OverError
+
+        begin = list(task.begin)
+        try:
+            while plans < task.plans and idle < _IDLE:
+                in_time()
+                given = begin.pop(0) if begin else None
+                start = given or self._changed()
+                if start is None:
+                    idle += 1
+                    continue
+                idle = 0
+                trail = self.trails.trail(start.sequence, start.rule, self._current, in_time)
+                plans += 1
+                if (told := self._improvement(start, trail, plans)) is not None:
+                    yield told
+                    if self.enough(told.packing):
+                        break
+                self._walk_on(trail, begins=given is not None)
+        except _OverError:
+            pass
+        yield RoundEnd(plans, idle >= _IDLE)
+
+    def _improvement(self, start: Start, trail: Trail, plans: int) -> Improvement | None:
+        """What is to be told of a plan; None where it is neither better nor cheaper than all before."""
+        cost, packing = self.trails.cost(trail), self.trails.packing(trail)
+        figures = self.better(packing)
+        if self._best is not None and figures <= self._figures and cost >= self.trails.cost(self._best):
+            return None
+        self._figures = max(figures, self._figures)
+        return Improvement(start, packing, cost, plans)
+
+    def _walk_on(self, trail: Trail, *, begins: bool) -> None:
+        """Go on from a plan that is not worse, now and then from one that is, and from the best if all is stale.
+
+        Args:
+            trail: the plan.
+            begins: it was given, not found by a change.
+        """
+        if self._current is None or self._best is None:
+            self._current = self._best = trail
+            return
+        cost, now = self.trails.cost(trail), self.trails.cost(self._current)
+        if begins:
+            if cost < self.trails.cost(self._best):
+                self._current = self._best = trail
+            return
+        one_more = cost[0] <= now[0] + 1 and self._rng.random() < _WORSE
+        self._stale = 0 if cost < now else self._stale + 1
+        if cost <= now or one_more:
+            self._current = trail
+        if cost < self.trails.cost(self._best):
+            self._best = trail
+        if self._stale > _STALE:
+            self._current, self._stale = self._best, 0
+
+    def _changed(self) -> Start | None:
+        """Another sequence or heuristic than the present ones; None where nothing changed."""
+        trail = self._current
+        if trail is None:
+            return None
+        names, rule, lost = list(trail.sequence), trail.rule, trail.lost
+        for _ in range(2 if self._rng.random() < _AGAIN else 1):
+            draw, (i, j) = self._rng.random(), self._rng.integers(0, len(names), 2).tolist()
+            if lost and draw < 0.5:
+                piece = int(self._rng.choice(lost))
+                before = self.trails.latest(trail, piece)
+                if before is None:
+                    return None
+                before = before if self._rng.random() < 0.5 else int(self._rng.integers(0, before + 1))
+                names.insert(before, names.pop(piece))
+                lost = []
+            elif draw < 0.7:
+                names[i], names[j] = names[j], names[i]
+            elif draw < 0.85:
+                names.insert(j, names.pop(i))
+            else:
+                rule = int(self._rng.integers(len(self.trails.rules)))
+        found = Start(tuple(names), rule)
+        return None if found == Start(trail.sequence, trail.rule) else found
