@@ -106,8 +106,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    options = _agent_options(arguments)
     config = _document(arguments.env_config, "--env-config")
+    options = _agent_options(arguments, config)
     given = arguments.order_generator
     own = given is not None and is_extension(given) and "{" not in given and not Path(given).exists()
     orders = given if own else _document(given, "--order-generator")
@@ -169,7 +169,9 @@ def _results(
     return list(results.values())
 
 
-def _agent_options(arguments: argparse.Namespace) -> dict[str, Mapping[str, object]]:
+def _agent_options(
+    arguments: argparse.Namespace, config: Mapping[str, object] | None
+) -> dict[str, Mapping[str, object]]:
     """The options of every agent that is named, by its name."""
     names = [name.strip() for name in arguments.agent.split(",")]
     for name in names:
@@ -180,8 +182,11 @@ def _agent_options(arguments: argparse.Namespace) -> dict[str, Mapping[str, obje
         raise InputError("agent learned: needs --weights DIR, a folder that python -m packenv.train wrote")
     if "learned" not in names and (arguments.weights is not None or arguments.trust):
         raise InputError("--weights and --trust: are for the agent learned, which --agent does not name")
-    learned = {"weights": arguments.weights, "trust": arguments.trust}
-    return {name: learned if name == "learned" else {} for name in names}
+    own: dict[str, Mapping[str, object]] = {
+        "learned": {"weights": arguments.weights, "trust": arguments.trust},
+        "gls": {"config": config},
+    }
+    return {name: own.get(name, {}) for name in names}
 
 
 def _document(text: str | None, option: str) -> dict[str, object] | None:

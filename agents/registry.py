@@ -21,6 +21,7 @@ _CLASSES = MappingProxyType(
         "first-fit": (".heuristics", "FirstFit"),
         "random": (".heuristics", "Random"),
         "planner": (".planner", "PlannerAgent"),
+        "gls": (".gls", "GLS"),
         "learned": (".learned", "LearnedAgent"),
     }
 )
@@ -44,8 +45,8 @@ def make(name: str, **options: object) -> Agent:
 
     Args:
         name: one of :data:`NAMES`, or ``my_module:MyAgent`` of one of the user's own.
-        options: what the agent's class takes: ``heuristic`` and ``max_checked`` of ``planner``, ``weights``
-            (a folder) and ``trust`` of ``learned``.
+        options: what the agent's class takes: ``heuristic`` and ``max_checked`` of ``planner``, ``config``
+            (the environment's) and ``plans`` of ``gls``, ``weights`` (a folder) and ``trust`` of ``learned``.
 
     Raises:
         InputError: an unknown agent or option, an option that is missing, or one with a wrong value.

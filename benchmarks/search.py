@@ -2,7 +2,8 @@
 
 Random orders are packed by each method, on one thread, and every better plan is noted with the CPU-seconds that it
 took: ``one-pass-hm`` is HM alone, ``one-pass-best`` the best of all rules of ``auto`` in one pass each, ``auto`` these
-with restarts; ``budget`` searches on from there; ``separate`` and ``gls`` are by layouts. The last three have
+with restarts; ``search`` searches on from there; ``separate`` and ``gls`` are by layouts; ``budget`` is search, then
+``separate``, as the product does with ``--budget``. The last four have
 ``--seconds`` of CPU time, or as many plans as ``--plans`` says, by which rows are the same but for their times. Every
 plan is audited on the exact meshes. Stopped and started again with the same ``--out``, it goes on; rows of other
 settings, or of other code, are left alone.
@@ -45,6 +46,7 @@ from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.planner import Planner
 from packenv.planning.portfolio import Packer, goal
+from packenv.planning.relay import Relay
 from packenv.types import Container, Order
 from packenv.verification.exact_meshes import audit_plan
 
@@ -52,12 +54,13 @@ METHODS: Mapping[str, Mapping[str, Any]] = {
     "one-pass-hm": {"heuristic": "hm", "restarts": 0},
     "one-pass-best": {"heuristic": "auto", "restarts": 0},
     "auto": {"heuristic": "auto"},
-    "budget": {"heuristic": "auto", "method": "search"},
+    "search": {"heuristic": "auto", "method": "search"},
+    "budget": {"heuristic": "auto", "method": "auto"},
     "separate": {"heuristic": "auto", "method": "separate"},
     "gls": {"heuristic": "auto", "method": "gls"},
 }
 """Options of each method."""
-SEARCHING = ("budget", "separate", "gls")
+SEARCHING = ("search", "budget", "separate", "gls")
 """Methods that go on for as long as they are given."""
 WARM = 6
 """Items of the plan that every method makes before anything is measured: it compiles what it needs."""
@@ -145,8 +148,11 @@ def traced(job: PlanningJob, box: Container, trace: Trace) -> Packer:
     planner = job.planner(box)
     own = {name: getattr(planner, name) for name in Planner.__dataclass_fields__}
     found = packer(job.options, TracedPlanner(**own, trace=trace), job.shelf.shapes)
+    hooks: dict[str, Any] = {"clock": trace.clock, "found": trace.tell}
+    if isinstance(found, Relay):
+        return Relay(replace(found.search, **hooks), replace(found.layouts, **hooks))
     if isinstance(found, Anytime | LayoutPacker):
-        return replace(found, clock=trace.clock, found=trace.tell)
+        return replace(found, **hooks)
     return found
 
 

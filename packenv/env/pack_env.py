@@ -84,8 +84,9 @@ class PackEnv(gymnasium.Env[Observation, Any]):
     ## Info
 
     ``action_mask`` (a fresh int8 array), ``invalid_action``, ``utilization``, ``packed_items``,
-    ``items_left``, ``item``, ``container``, ``stage``, ``drop`` and ``shift`` (m, of the last placement in
-    physics), ``collision``, ``outside``, ``left_over``, and ``reward_<term>`` for every term.
+    ``items_left``, ``item``, ``instance``, ``order``, ``container``, ``stage``, ``drop`` and ``shift``
+    (m, of the last placement in physics), ``collision``, ``outside``, ``left_over``, and ``reward_<term>``
+    for every term.
 
     ## Version history
 
@@ -354,6 +355,8 @@ class PackEnv(gymnasium.Env[Observation, Any]):
             "packed_items": len(episode.inside),
             "items_left": sequence.waiting,
             "item": None if current is None else current.item,
+            "instance": 0 if current is None else current.instance,
+            "order": () if self.config.arrivals == "online" else episode.names,
             "container": episode.container.label,
             "stage": sequence.stage,
             "drop": landing.drop,

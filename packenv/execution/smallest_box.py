@@ -24,7 +24,7 @@ def pack_smallest(job: PlanningJob, boxes: Sequence[Container], sequence: Sequen
     """
     options = job.options
     rest = _Rest(options.budget, options.plans)
-    if len(boxes) == 1 or options.method != "search" or not rest.given:
+    if len(boxes) == 1 or options.method not in ("auto", "search") or not rest.given:
         return job.smallest_for_all(boxes[:-1], sequence) or job.pack(boxes[-1], sequence)
     first = job.smallest_for_all(boxes, sequence)
     if options.goal in ("height", "robust"):

@@ -29,6 +29,9 @@ from packenv.types import Container
 CHAINS = 4
 """How many walk side by side."""
 
+STOPPED = "stopped: the best plan so far is taken"
+"""What is told after Ctrl-C."""
+
 ROUND = 16
 """Plans of a chain in a round."""
 
@@ -121,6 +124,16 @@ class Anytime:
             container: likewise.
             start: likewise.
         """
+        return self.search(sequence, items, container, start)[0]
+
+    def search(
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
+    ) -> tuple[Packing, bool]:
+        """As :meth:`pack`, and whether somebody stopped it."""
         began = self.clock()
         first = self.first.pack(sequence, items, container, start)
         self.found(first)
@@ -129,24 +142,26 @@ class Anytime:
         order = sorted(within, key=list(sequence).index)
         enough = WholeIsEnough(self.aim)
         if not order or enough(first):
-            return first
+            return first, False
         rules = list(single_passes(self.members, margins=self.aim == "robust"))
         trails = Trails(rules, items, container, start, self.aim)
         chains = [Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)]
         walk = _Walk(self, chains, Counter(left.item for left in hopeless), first, began)
+        stopped = False
         try:
             with self.team(chains) as team:
                 walk.go(team, order)
         except KeyboardInterrupt:
-            self.report("stopped: the best plan so far is taken")
+            self.report(STOPPED)
+            stopped = True
         except ChildProcessError as problem:
             self.report(f"{problem}: the best plan so far is taken")
         if walk.kept is None:
-            return first
+            return first, stopped
         if self.aim != "robust":  # the figures that a search has no use for, such as margins
             rules = list(single_passes(self.members, margins=True))
             trails = Trails(rules, items, container, start, self.aim)
-        return trails.packing(trails.trail(walk.kept.sequence, walk.kept.rule), hopeless)
+        return trails.packing(trails.trail(walk.kept.sequence, walk.kept.rule), hopeless), stopped
 
     def team(self, chains: Sequence[Chain]) -> Team:
         """The chains in as many processes as are asked for."""

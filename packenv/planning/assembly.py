@@ -25,6 +25,7 @@ from packenv.planning.own_rules import OwnConstraint, OwnHeuristic
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.portfolio import Packer, Portfolio, goal
+from packenv.planning.relay import Relay
 from packenv.planning.search.heuristics import HEURISTICS, Heuristic, heuristic_named, name_of
 from packenv.planning.search.orientations import perturbations
 from packenv.planning.stability.checker import StabilityChecker
@@ -282,21 +283,18 @@ def packer(
         members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
     alone = planner if members == [planner] else Portfolio(members, better)
     budget = Budget(options.budget, options.plans)
-    if options.method != "search":
+    method = "separate" if options.method == "auto" else options.method
+    layouts = None
+    if method != "search":
         given = budget if budget.given else Budget(LAYOUT_SECONDS)
-        return LayoutPacker(
-            planner,
-            alone,
-            shapes,
-            _SEARCHES[options.method](),
-            options.method,
-            better,
-            given,
-            report=report,
-        )
+        search = _SEARCHES[method]()
+        layouts = LayoutPacker(planner, alone, shapes, search, method, better, given, report=report)
+        if options.method != "auto":
+            return layouts
     if not budget.given:
         return alone
-    return Anytime(alone, members, budget, options.goal, options.seed, report, better, workers)
+    walk = Anytime(alone, members, budget, options.goal, options.seed, report, better, workers)
+    return walk if layouts is None or options.goal in ("height", "robust") else Relay(walk, layouts)
 
 
 def as_paper(

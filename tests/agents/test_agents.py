@@ -16,7 +16,7 @@ from packenv.errors import InputError
 from tests.agents.observations import random_observation, rank, stacked
 
 RANKED = [name for name in agents.NAMES if name in HEURISTIC_COLUMNS]
-WITHOUT_WEIGHTS = [name for name in agents.NAMES if name != "learned"]
+ON_SIGHT = [name for name in agents.NAMES if name not in ("learned", "gls")]
 SEEDS = range(200)
 
 
@@ -24,7 +24,7 @@ def test_every_heuristic_of_the_observation_is_an_agent() -> None:
     assert sorted(RANKED) == sorted(HEURISTIC_COLUMNS)
 
 
-@pytest.mark.parametrize("name", WITHOUT_WEIGHTS)
+@pytest.mark.parametrize("name", ON_SIGHT)
 def test_a_masked_action_is_never_taken(name: str) -> None:
     agent = agents.make(name)
     for seed in SEEDS:
@@ -72,7 +72,7 @@ def test_permuting_the_candidates_permutes_the_choice(name: str) -> None:
         assert agent.act(obs, {}) == (k if action == k else order[action])
 
 
-@pytest.mark.parametrize("name", WITHOUT_WEIGHTS)
+@pytest.mark.parametrize("name", ON_SIGHT)
 def test_the_batch_form_equals_one_after_another(name: str) -> None:
     agent = agents.make(name)
     rng = np.random.default_rng(5)
@@ -85,7 +85,7 @@ def test_the_batch_form_equals_one_after_another(name: str) -> None:
     assert batch.tolist() == single
 
 
-@pytest.mark.parametrize("name", WITHOUT_WEIGHTS)
+@pytest.mark.parametrize("name", ON_SIGHT)
 def test_a_batch_may_hold_an_episode_that_has_ended(name: str) -> None:
     obs = stacked([random_observation(np.random.default_rng(seed)) for seed in range(3)])
     obs["action_mask"][1] = 0
@@ -94,7 +94,7 @@ def test_a_batch_may_hold_an_episode_that_has_ended(name: str) -> None:
     assert all(obs["action_mask"][k, actions[k]] for k in (0, 2))
 
 
-@pytest.mark.parametrize("name", WITHOUT_WEIGHTS)
+@pytest.mark.parametrize("name", ON_SIGHT)
 def test_an_observation_is_left_as_it_is(name: str) -> None:
     obs = random_observation(np.random.default_rng(1))
     before = {key: value.copy() for key, value in obs.items()}
@@ -172,7 +172,7 @@ def test_a_mistake_is_named_in_one_line(name: str, options: dict[str, object], s
 
 
 def test_agents_come_without_torch() -> None:
-    use = f"[agents.make(n) for n in {WITHOUT_WEIGHTS}]; print('torch' in sys.modules)"
+    use = f"[agents.make(n) for n in {ON_SIGHT}]; print('torch' in sys.modules)"
     code = f"import sys; from packenv import agents; {use}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

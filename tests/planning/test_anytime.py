@@ -33,7 +33,7 @@ ITEMS = {f"b{k:02}": box(*size, f"b{k:02}") for k, size in enumerate(_SIZES.toli
 }
 NAMES = sorted(ITEMS)
 """More than the box takes."""
-WORDS: dict[str, Any] = {"grid": GRID, "restarts": 0}
+WORDS: dict[str, Any] = {"grid": GRID, "restarts": 0, "method": "search"}
 
 
 def trails_of(options: PlanOptions) -> tuple[Trails, list[str]]:

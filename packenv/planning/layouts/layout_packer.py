@@ -12,7 +12,7 @@ import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.anytime import Budget
+from packenv.planning.anytime import STOPPED, Budget
 from packenv.planning.inquiry import Inquiry
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement, Layout, Movable, WillDo, pitch_for, without_overlap
@@ -91,7 +91,7 @@ class LayoutPacker:
         better: figures of a packing, the larger the better.
         budget: how long to go on; a round of moves of all pieces counts as a plan.
         clock: tells seconds.
-        report: is told of every better packing that a layout became, a line each, and of Ctrl-C.
+        report: is told of every better packing, a line each.
         found: is given the packing of every layout that is tried out.
     """
 
@@ -125,10 +125,7 @@ class LayoutPacker:
         container: Container,
         start: Pile | None = None,
     ) -> Packing:
-        """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did.
-
-        After Ctrl-C it is the best packing that was found until then, the planner's own where there is none.
-        """
+        """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did."""
         fits = sum(items[name].volume for name in sequence) <= container.volume
         seconds, rounds = self.budget.seconds, self.budget.plans
         effort = Effort(
@@ -142,11 +139,10 @@ class LayoutPacker:
 
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
-            packing = replace(packing, made_by=self.name)
-            self.found(packing)
-            if not found or self.better(packing) > self.better(max(found, key=self.better)):
+            if not found or self.better(packing) > max(map(self.better, found)):
                 self.tell(packing, effort)
-            found.append(packing)
+            found.append(replace(packing, made_by=self.name))
+            self.found(packing)
             return packing.complete and not packing.risk
 
         try:
@@ -156,20 +152,17 @@ class LayoutPacker:
                 if promising.done or (arrangement.overlap and try_out(arrangement)):
                     return found[-1]
         except KeyboardInterrupt:
-            self.report("stopped: the best plan so far is taken")
-            if found:
-                return max(found, key=self.better)
+            self.report(STOPPED)
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
         return max(found, key=self.better)
 
     def tell(self, packing: Packing, effort: Effort) -> None:
-        """Tell of a packing that is better than all before it."""
-        tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
-        whole = len(packing.placements) + len(packing.leftovers)
+        """Say what a layout became."""
+        top = max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
         self.report(
-            f"after {effort.elapsed:.1f} s: {len(packing.placements)} of {whole} items, "
-            f"height {max(tops, default=0.0):.3f} m ({packing.made_by})"
+            f"after {effort.elapsed:.1f} s of layouts: {len(packing.placements)} of "
+            f"{len(packing.placements) + len(packing.leftovers)} items, height {top:.3f} m ({self.name})"
         )
 
     def movables(

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from packenv.geometry.distance_grids import BAND
 from packenv.geometry.distance_kernels import (
     TIES,
     closest_on_triangle,
@@ -101,17 +102,19 @@ def touches(  # type: ignore[no-untyped-def]
     top = np.empty(3)
     for axis in range(3):
         top[axis] = origin[axis] + (distance.shape[axis] - 1) * h
+    # The grid's rim is wider than a contact reaches; on the far side by up to a cell more.
+    closer = edge_reach - BAND + 1e-5
     centre = np.empty(3)
     for block in range(len(spheres)):
         radius = spheres[block, 3]
-        outside = 0.0
+        outside = -np.inf
         for axis in range(3):
             c = shift[axis]
             for other in range(3):
                 c += rotation[axis, other] * spheres[block, other]
             centre[axis] = c
             outside = max(outside, origin[axis] - c, c - top[axis])
-        if outside > radius:
+        if outside > radius + closer:
             continue
         # In the container's frame items lie flush, and two that only touch share no more than a thin slab.
         outside = 0.0
