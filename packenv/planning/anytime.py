@@ -10,21 +10,22 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.chain_workers import OneProcess, Processes, Team
-from packenv.planning.chains import Chain, Improvement, Round, RoundEnd, Start
+from packenv.planning.chains import Chain, Round, RoundEnd, Start
+from packenv.planning.deadline import Deadline
 from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
 from packenv.planning.planner import Planner
-from packenv.planning.portfolio import Packer, goal
+from packenv.planning.portfolio import Portfolio, goal
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
 from packenv.planning.trails import Trails, single_passes
-from packenv.types import Container
+from packenv.types import Container, Leftover
 
 CHAINS = 4
 """How many walk side by side."""
@@ -34,6 +35,10 @@ STOPPED = "stopped: the best plan so far is taken"
 
 ROUND = 16
 """Plans of a chain in a round."""
+
+
+QUICK = 0.05
+"""Share of a budget that a pass may take where all rules, with fallback and restarts, are tried before the search."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ class Anytime:
     """Makes a plan, and searches for better ones.
 
     Attributes:
-        first: makes the plan to begin with.
+        first: makes the plan to begin with, as far as the time goes.
         members: planners that differ in their heuristic alone.
         budget: how long to search.
         aim: what is better: see :data:`packenv.planning.options.Goal`.
@@ -86,7 +91,7 @@ class Anytime:
         found: is told of the first plan and of every better one.
     """
 
-    first: Packer
+    first: Portfolio
     members: Sequence[Planner]
     budget: Budget
     aim: Goal = "items"
@@ -135,33 +140,47 @@ class Anytime:
     ) -> tuple[Packing, bool]:
         """As :meth:`pack`, and whether somebody stopped it."""
         began = self.clock()
-        first = self.first.pack(sequence, items, container, start)
-        self.found(first)
-        hopeless = tuple(left for left in first.leftovers if left.reason not in PERHAPS)
-        within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
-        order = sorted(within, key=list(sequence).index)
-        enough = WholeIsEnough(self.aim)
-        if not order or enough(first):
-            return first, False
-        rules = list(single_passes(self.members, margins=self.aim == "robust"))
-        trails = Trails(rules, items, container, start, self.aim)
-        chains = [Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)]
-        walk = _Walk(self, chains, Counter(left.item for left in hopeless), first, began)
-        stopped = False
+        end = np.inf if self.budget.seconds is None else began + self.budget.seconds
+        record = _Record(self, began)
+        deadline, enough = Deadline(float(end), self.clock), WholeIsEnough(self.aim)
         try:
-            with self.team(chains) as team:
-                walk.go(team, order)
+            first = self.quick(deadline, record).pack(sequence, items, container, start)
+            if enough(first) or deadline.passed:
+                return first, False
+            if not self.hurried(self.clock() - began):
+                whole = replace(self.first, until=deadline, found=record.keep)
+                first = whole.pack(sequence, items, container, start)
+            hopeless = tuple(left for left in first.leftovers if left.reason not in PERHAPS)
+            within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
+            order = sorted(within, key=list(sequence).index)
+            if order and not enough(first):
+                trails = Trails(list(single_passes(self.members)), items, container, start, self.aim)
+                chains = [
+                    Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)
+                ]
+                with self.team(chains) as team:
+                    _Walk(record, chains, hopeless, float(end)).go(team, order)
         except KeyboardInterrupt:
+            if record.best is None:
+                raise
             self.report(STOPPED)
-            stopped = True
+            return record.best, True
         except ChildProcessError as problem:
             self.report(f"{problem}: the best plan so far is taken")
-        if walk.kept is None:
-            return first, stopped
-        if self.aim != "robust":  # the figures that a search has no use for, such as margins
-            rules = list(single_passes(self.members, margins=True))
-            trails = Trails(rules, items, container, start, self.aim)
-        return trails.packing(trails.trail(walk.kept.sequence, walk.kept.rule), hopeless), stopped
+        assert record.best is not None
+        return record.best, False
+
+    def quick(self, deadline: Deadline, record: _Record) -> Portfolio:
+        """One pass of the first member without the fallback, in which much time goes where much is left over."""
+        member = self.members[0]
+        strategy = replace(member.strategy, restarts=0)
+        return Portfolio(
+            [replace(member, perturbations=None, strategy=strategy)], self.better, deadline, record.keep
+        )
+
+    def hurried(self, seconds: float) -> bool:
+        """Whether a pass takes so many seconds that the search had better begin at once."""
+        return self.budget.seconds is not None and seconds > QUICK * self.budget.seconds
 
     def team(self, chains: Sequence[Chain]) -> Team:
         """The chains in as many processes as are asked for."""
@@ -174,39 +193,70 @@ class Anytime:
 
 
 @dataclass(eq=False)
+class _Record:
+    """The best plan so far.
+
+    Attributes:
+        search: its settings.
+        began: when, s.
+        best: the plan; None before the first one.
+    """
+
+    search: Anytime
+    began: float
+    best: Packing | None = None
+
+    def keep(self, packing: Packing, plans: int = 0) -> bool:
+        """Take a plan that is better than the best so far, and say so; whether it is.
+
+        Args:
+            packing: the plan.
+            plans: how many were made by the search until then.
+        """
+        search = self.search
+        if self.best is not None and search.better(packing) <= search.better(self.best):
+            return False
+        self.best = packing
+        search.found(packing)
+        tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
+        search.report(
+            f"after {search.clock() - self.began:.1f} s and {plans} plans: {len(packing.placements)} of "
+            f"{len(packing.placements) + len(packing.leftovers)} items, height {max(tops, default=0.0):.3f} m "
+            f"({packing.made_by})"
+        )
+        return True
+
+
+@dataclass(eq=False)
 class _Walk:
     """One search.
 
     Attributes:
-        search: its settings.
+        record: keeps the best plan, and has the first one.
         chains: what walks.
-        hopeless: items without a place in any plan, how many of each.
-        best: the best plan so far, less the hopeless items.
-        began: when, s.
-        kept: what makes the best plan, if the search found it.
+        hopeless: items without a place in any plan.
+        end: when to end, s.
+        plans: how many were made.
     """
 
-    search: Anytime
+    record: _Record
     chains: Sequence[Chain]
-    hopeless: Counter[str]
-    best: Packing
-    began: float
-    kept: Start | None = None
+    hopeless: tuple[Leftover, ...]
+    end: float
     plans: int = 0
 
     def go(self, team: Team, order: Sequence[str]) -> None:
         """Rounds until the aim or the budget is reached."""
-        budget, clock = self.search.budget, self.search.clock
+        budget, clock = self.record.search.budget, self.record.search.clock
         most = np.inf if budget.plans is None else budget.plans
-        end = np.inf if budget.seconds is None else self.began + budget.seconds
         begin = self.starts(order)
         tasks = [begin[k::CHAINS] for k in range(CHAINS)]
         costs: list[tuple[int, float, float] | None] = [None] * CHAINS
         leader: tuple[tuple[int, float, float], Start] | None = None
-        while self.plans < most and clock() < end:
+        while self.plans < most and clock() < self.end:
             left = most - self.plans
             quotas = [int(max(0, min(ROUND, left - k * ROUND))) for k in range(CHAINS)]
-            rounds = [Round(tuple(t), q, float(end)) for t, q in zip(tasks, quotas, strict=True)]
+            rounds = [Round(tuple(t), q, self.end) for t, q in zip(tasks, quotas, strict=True)]
             ends = []
             for k, told in team.advance(rounds):
                 if isinstance(told, RoundEnd):
@@ -216,7 +266,9 @@ class _Walk:
                 costs[k] = told.cost
                 if leader is None or told.cost < leader[0]:
                     leader = told.cost, told.start
-                if self.keep(told) and self.chains[k].enough(told.packing):
+                packing = replace(told.packing, leftovers=(*told.packing.leftovers, *self.hopeless))
+                better = self.record.keep(packing, self.plans + told.plans)
+                if better and self.chains[k].enough(packing):
                     return
             if leader is None or all(told.idle for told in ends):
                 return
@@ -224,22 +276,8 @@ class _Walk:
 
     def starts(self, order: Sequence[str]) -> list[Start]:
         """What is packed first: the order's sequence and that of the first plan, by every heuristic."""
-        placed = Counter(order) & Counter(p.item for p in self.best.placements)
-        as_packed = (*(p.item for p in self.best.placements), *(Counter(order) - placed).elements())
+        first = () if self.record.best is None else self.record.best.placements
+        placed = Counter(order) & Counter(p.item for p in first)
+        as_packed = (*(p.item for p in first), *(Counter(order) - placed).elements())
         rules = range(len(self.chains[0].trails.rules))
         return [Start(names, k) for names in dict.fromkeys((tuple(order), as_packed)) for k in rules]
-
-    def keep(self, told: Improvement) -> bool:
-        """Take a plan that is better than the best so far, and say so; whether it is."""
-        search, packing = self.search, told.packing
-        if search.better(packing) <= search.better(self.best):
-            return False
-        self.best, self.kept = packing, told.start
-        search.found(packing)
-        tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
-        whole = len(packing.placements) + len(packing.leftovers) + self.hopeless.total()
-        search.report(
-            f"after {search.clock() - self.began:.1f} s and {self.plans + told.plans} plans: "
-            f"{len(packing.placements)} of {whole} items, height {max(tops, default=0.0):.3f} m ({packing.made_by})"
-        )
-        return True

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
 from packenv.planning.variants import is_hollow, side_by_side
@@ -18,7 +19,13 @@ _LARGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Planner(PassRules):
-    """Plans orders; close it, or use it in a ``with`` statement, for its constraints may hold a world."""
+    """Plans orders; close it, or use it in a ``with`` statement, for its constraints may hold a world.
+
+    Attributes:
+        until: no restart begins after it.
+    """
+
+    until: Deadline = NEVER
 
     def __enter__(self) -> Planner:
         """The planner."""
@@ -59,6 +66,8 @@ class Planner(PassRules):
         best = PackingPass(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
         for k in range(strategy.restarts):
+            if self.until.passed:
+                return best
             late = list(last.lost)
             # Once: it costs a whole plan.
             late += last.makeshift if k == 0 else ()
@@ -75,12 +84,12 @@ class Planner(PassRules):
             best = max(best, last, key=_goodness)
         if strategy.restarts and best.improvable and not self.only:
             for only in self.narrowed(best, given, items, container):
-                if best.complete:
+                if best.complete or self.until.passed:
                     break
                 found = PackingPass(replace(self, only=only), items, container, start).pack(given)
                 best = max(best, found, key=_goodness)
         for tiers in strategy.last_resorts if strategy.restarts else ():
-            if not best.improvable:
+            if not best.improvable or self.until.passed:
                 break
             resort = replace(strategy, first=tiers, fallback=(tiers,), restart_tiers=None, last_resorts=())
             found = replace(self, strategy=resort).pack(given, items, container, start)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
@@ -52,10 +53,14 @@ class Portfolio:
     Attributes:
         members: at least one, the one whose plans are mostly kept first.
         better: figures of a packing, the larger the better.
+        until: after it only the first plan is made, if there is none yet.
+        found: is told of every plan.
     """
 
     members: Sequence[Planner]
     better: Callable[[Packing], tuple[float, ...]] = field(default_factory=lambda: goal)
+    until: Deadline = NEVER
+    found: Callable[[Packing], object] = lambda packing: None
 
     def __enter__(self) -> Portfolio:
         """The portfolio."""
@@ -93,11 +98,13 @@ class Portfolio:
         def best_possible(member: Planner) -> bool:
             packing = member.pack(sequence, items, container, start)
             found.append(replace(packing, made_by=name_of(member.heuristic)))
-            return packing.complete and not packing.risk
+            self.found(found[-1])
+            return (packing.complete and not packing.risk) or self.until.passed
 
-        once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in self.members]
+        members = [replace(member, until=self.until) for member in self.members]
+        once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
         if not any(best_possible(member) for member in once):
-            tried = zip(self.members, found.copy(), strict=True)
+            tried = zip(members, found.copy(), strict=True)
             nearest = sorted(tried, key=lambda pair: self.better(pair[1]), reverse=True)
             restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
             any(best_possible(member) for member in restarting if member.strategy.restarts)

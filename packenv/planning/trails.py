@@ -19,7 +19,6 @@ from packenv.planning.planner import Planner
 from packenv.planning.portfolio import least_margin
 from packenv.planning.search.heuristics import name_of
 from packenv.planning.sequence import Piece, pieces_of
-from packenv.planning.stability.constraint import StabilityConstraint
 from packenv.planning.tiers import Strategy
 from packenv.types import Container, Leftover, Placement
 
@@ -147,13 +146,8 @@ class Trails:
             return len(lost), volume, -least_margin(placed)
         return len(lost), volume, max((float(p.corner[2] + p.extents[2]) for p in placed), default=0.0)
 
-    def packing(self, trail: Trail, leftovers: tuple[Leftover, ...] = ()) -> Packing:
-        """A trail as the planner's result.
-
-        Args:
-            trail: the trail.
-            leftovers: further ones, of pieces that no trail has.
-        """
+    def packing(self, trail: Trail) -> Packing:
+        """A trail as the planner's result."""
         runs = [step.run for step in trail.steps]
         placements = trail.placements
         lost = tuple(step.leftover for step in trail.steps if step.leftover is not None)
@@ -161,7 +155,7 @@ class Trails:
         return Packing(
             self.container,
             placements,
-            (*lost, *leftovers),
+            lost,
             tuple(surface for run in runs for surface in run.surfaces),
             volume / self.container.volume,
             tuple(name for run in runs for name in run.makeshift),
@@ -170,23 +164,18 @@ class Trails:
         )
 
 
-def single_passes(members: Sequence[Planner], *, margins: bool) -> Iterator[PassRules]:
+def single_passes(members: Sequence[Planner]) -> Iterator[PassRules]:
     """The rules of trails: the tiers of a restart and stable poses alone.
 
     Where exact places are tried, another trail tries the grid alone: in the time of one there are five of those.
 
     Args:
         members: planners that differ in their heuristic alone.
-        margins: tell the margin of every item, as far as the members do.
     """
     for member in members:
         tiers = member.strategy.restart_tiers or member.strategy.first
-        constraints = [
-            c if margins or not isinstance(c, StabilityConstraint) else replace(c, with_margin=False)
-            for c in member.constraints
-        ]
         strategy = Strategy(first=tuple(tiers), clearance=member.strategy.clearance)
-        rules = replace(member, constraints=constraints, strategy=strategy, perturbations=None, give_up=False)
+        rules = replace(member, strategy=strategy, perturbations=None, give_up=False)
         yield rules
         if member.places == "exact":
             yield replace(rules, places="grid")

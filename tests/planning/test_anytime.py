@@ -40,7 +40,7 @@ def trails_of(options: PlanOptions) -> tuple[Trails, list[str]]:
     shelf = shelf_of(ITEMS, GRID)
     search = packer(options, assemble(options, shelf, BOX), shelf.shapes)
     assert isinstance(search, Anytime)
-    rules = list(single_passes(search.members, margins=False))
+    rules = list(single_passes(search.members))
     return Trails(rules, shelf.prepared, BOX, None), by_box_volume(NAMES, shelf.prepared)
 
 
