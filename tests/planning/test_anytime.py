@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,11 @@ from packenv.io.plans import plan_to_json
 from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.assembly import assemble, packer
 from packenv.planning.chain_workers import Processes
+from packenv.planning.deadline import Deadline
 from packenv.planning.options import PlanOptions
+from packenv.planning.packing import Packing
 from packenv.planning.planner import by_box_volume
-from packenv.planning.portfolio import least_margin
+from packenv.planning.portfolio import Portfolio, least_margin
 from packenv.planning.sequence import Piece
 from packenv.planning.trails import Trail, Trails, single_passes
 from packenv.types import Container
@@ -215,6 +218,27 @@ def test_a_budget_of_seconds_ends() -> None:
     assert time.monotonic() - began < 60.0
     assert not Budget().given
     assert Budget(seconds=1.0).given
+
+
+def test_after_the_deadline_one_plan_is_made_and_no_restart() -> None:
+    shelf = shelf_of(ITEMS, GRID)
+    options = PlanOptions(constraints="overlap", grid=GRID, restarts=3)
+    planner = assemble(options, shelf, BOX)
+    alone = packer(options, planner, shelf.shapes)
+    assert isinstance(alone, Portfolio)
+    sequence = by_box_volume(NAMES, shelf.prepared)
+    once = replace(planner, strategy=replace(planner.strategy, restarts=0)).pack(
+        sequence, shelf.prepared, BOX
+    )
+    over = replace(planner, until=Deadline(1.0, lambda: 2.0)).pack(sequence, shelf.prepared, BOX)
+    assert once.lost
+    assert [p.item for p in over.placements] == [p.item for p in once.placements]
+    made: list[Packing] = []
+    replace(alone, until=Deadline(1.0, lambda: 2.0), found=made.append).pack(sequence, shelf.prepared, BOX)
+    assert len(made) == 1
+    made.clear()
+    replace(alone, until=Deadline(1.0, lambda: 0.5), found=made.append).pack(sequence, shelf.prepared, BOX)
+    assert len(made) > len(alone.members)
 
 
 def test_physics_takes_no_budget() -> None:
