@@ -42,9 +42,8 @@ from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
-from packenv.planning.planner import Planner
 from packenv.planning.sequence import Piece
-from packenv.planning.tiers import Strategy
+from packenv.planning.trails import on_stable_poses
 from packenv.types import Container, Placement
 
 MODES = {"geometry": "overlap", "stable": "stability", "robot": "robot"}
@@ -97,13 +96,6 @@ def waste(step: Step) -> float:
     surface = step.pile.surface
     raised = (surface.total - step.before.surface.total) * surface.cell_size**2
     return raised / step.item.volume - 1.0
-
-
-def rules_of(planner: Planner) -> PassRules:
-    """How one item is tried: at its stable poses, where need be without a margin."""
-    tiers = planner.strategy.restart_tiers or planner.strategy.first
-    strategy = Strategy(first=tuple(tiers), clearance=planner.strategy.clearance)
-    return replace(planner, strategy=strategy, perturbations=None)
 
 
 def fill(
@@ -167,7 +159,7 @@ def work(job: Job) -> dict[str, Any]:
     planning.load(set(job.sequence))
     box, items = Container(*job.container), {name: _Worker.shelf.prepared[name] for name in job.sequence}
     with planning.planner(box) as planner:
-        rules = rules_of(planner)
+        rules = on_stable_poses(planner)
         if job.mode not in _Worker.warm:  # compiled before it is measured
             fill(rules, items, box, job.sequence[:4], 1)
             _Worker.warm.add(job.mode)

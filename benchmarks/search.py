@@ -106,9 +106,7 @@ class Trace:
         figures = self.better(packing)
         if not self.silent and (not self.best or figures > self.best):
             self.best = figures
-            self.points.append(
-                (self.clock() - self.began, len(packing.placements), round(height(packing), 6))
-            )
+            self.points.append((self.clock() - self.began, len(packing.placements), round(packing.height, 6)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +134,6 @@ class TracedPlanner(Planner):
             self.trace.silent = outer
         self.trace.tell(packing)
         return packing
-
-
-def height(packing: Packing) -> float:
-    """Of the pile, m."""
-    return max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
 
 
 def traced(job: PlanningJob, box: Container, trace: Trace) -> Packer:
@@ -197,7 +190,7 @@ def work(job: Job) -> dict[str, Any]:
         "order": job.order,
         "placed": len(packing.placements),
         "whole": packing.complete,
-        "height": height(packing),
+        "height": packing.height,
         "cpu_s": seconds,
         "made_by": packing.made_by,
         "trace": trace.points,

@@ -20,7 +20,6 @@ from packenv.planning.chains import Chain, Round, RoundEnd, Start
 from packenv.planning.deadline import Deadline
 from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
-from packenv.planning.planner import Planner
 from packenv.planning.portfolio import Portfolio, goal
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
@@ -35,7 +34,6 @@ STOPPED = "stopped: the best plan so far is taken"
 
 ROUND = 16
 """Plans of a chain in a round."""
-
 
 QUICK = 0.05
 """Share of a budget that a pass may take where all rules, with fallback and restarts, are tried before the search."""
@@ -80,7 +78,6 @@ class Anytime:
 
     Attributes:
         first: makes the plan to begin with, as far as the time goes.
-        members: planners that differ in their heuristic alone.
         budget: how long to search.
         aim: what is better: see :data:`packenv.planning.options.Goal`.
         seed: of the changes.
@@ -92,7 +89,6 @@ class Anytime:
     """
 
     first: Portfolio
-    members: Sequence[Planner]
     budget: Budget
     aim: Goal = "items"
     seed: int = 0
@@ -154,7 +150,7 @@ class Anytime:
             within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
             order = sorted(within, key=list(sequence).index)
             if order and not enough(first):
-                trails = Trails(list(single_passes(self.members)), items, container, start, self.aim)
+                trails = Trails(list(single_passes(self.first.members)), items, container, start, self.aim)
                 chains = [
                     Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)
                 ]
@@ -172,7 +168,7 @@ class Anytime:
 
     def quick(self, deadline: Deadline, record: _Record) -> Portfolio:
         """One pass of the first member without the fallback, in which much time goes where much is left over."""
-        member = self.members[0]
+        member = self.first.members[0]
         strategy = replace(member.strategy, restarts=0)
         return Portfolio(
             [replace(member, perturbations=None, strategy=strategy)], self.better, deadline, record.keep
@@ -218,12 +214,8 @@ class _Record:
             return False
         self.best = packing
         search.found(packing)
-        tops = (float(p.corner[2] + p.extents[2]) for p in packing.placements)
-        search.report(
-            f"after {search.clock() - self.began:.1f} s and {plans} plans: {len(packing.placements)} of "
-            f"{len(packing.placements) + len(packing.leftovers)} items, height {max(tops, default=0.0):.3f} m "
-            f"({packing.made_by})"
-        )
+        seconds = search.clock() - self.began
+        search.report(f"after {seconds:.1f} s and {plans} plans: {packing.words} ({packing.made_by})")
         return True
 
 

@@ -293,9 +293,7 @@ def packer(
             return layouts
     if not budget.given:
         return alone
-    walk = Anytime(
-        Portfolio(members, better), members, budget, options.goal, options.seed, report, better, workers
-    )
+    walk = Anytime(Portfolio(members, better), budget, options.goal, options.seed, report, better, workers)
     return walk if layouts is None or options.goal in ("height", "robust") else Relay(walk, layouts)
 
 

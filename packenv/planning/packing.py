@@ -61,6 +61,17 @@ class Packing:
         return cls(plan.container, plan.placements, plan.leftovers, surfaces, share, made_by=plan.made_by)
 
     @property
+    def height(self) -> float:
+        """Of the pile, m."""
+        return max((float(p.corner[2] + p.extents[2]) for p in self.placements), default=0.0)
+
+    @property
+    def words(self) -> str:
+        """How many items it has, and how high the pile is."""
+        placed = len(self.placements)
+        return f"{placed} of {placed + len(self.leftovers)} items, height {self.height:.3f} m"
+
+    @property
     def complete(self) -> bool:
         """True where every item is placed."""
         return not self.leftovers

@@ -118,13 +118,13 @@ def goal(packing: Packing) -> tuple[float, ...]:
     least, degrees, where margins are told.
     """
     count, safety = len(packing.placements), -packing.risk
-    return count, safety, -_top(packing), least_margin(packing.placements)
+    return count, safety, -packing.height, least_margin(packing.placements)
 
 
 def robustness(packing: Packing) -> tuple[float, ...]:
     """As :func:`goal`, but a larger margin goes before a lower pile."""
     count, safety = len(packing.placements), -packing.risk
-    return count, safety, least_margin(packing.placements), -_top(packing)
+    return count, safety, least_margin(packing.placements), -packing.height
 
 
 def least_margin(placements: Iterable[Placement]) -> float:
@@ -132,10 +132,6 @@ def least_margin(placements: Iterable[Placement]) -> float:
     figures = (p.details.get("stability") for p in placements)
     margins = (float(f["margin_deg"]) for f in figures if isinstance(f, Mapping) and "margin_deg" in f)
     return min(margins, default=0.0)
-
-
-def _top(packing: Packing) -> float:
-    return max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
 
 
 def fullness(packing: Packing) -> tuple[float, ...]:

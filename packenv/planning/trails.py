@@ -173,9 +173,14 @@ def single_passes(members: Sequence[Planner]) -> Iterator[PassRules]:
         members: planners that differ in their heuristic alone.
     """
     for member in members:
-        tiers = member.strategy.restart_tiers or member.strategy.first
-        strategy = Strategy(first=tuple(tiers), clearance=member.strategy.clearance)
-        rules = replace(member, strategy=strategy, perturbations=None, give_up=False)
+        rules = on_stable_poses(member)
         yield rules
         if member.places == "exact":
             yield replace(rules, places="grid")
+
+
+def on_stable_poses(planner: Planner) -> PassRules:
+    """How a planner places one item in a restart, at its stable poses alone."""
+    tiers = planner.strategy.restart_tiers or planner.strategy.first
+    strategy = Strategy(first=tuple(tiers), clearance=planner.strategy.clearance)
+    return replace(planner, strategy=strategy, perturbations=None, give_up=False)

@@ -14,6 +14,7 @@ from benchmarks.fill import FIGURES, fill, sequences, waste
 from benchmarks.shelf import open_shelf
 from packenv.execution.planning_job import PlanningJob
 from packenv.planning.options import PlanOptions
+from packenv.planning.trails import on_stable_poses
 from packenv.types import Container
 
 BOX = Container(0.20, 0.20, 0.15)
@@ -36,7 +37,7 @@ def filled(buffer: int, **more: Any) -> list[str]:
     job = PlanningJob(shelf, PlanOptions("minz", constraints="overlap"), margins=False)
     job.load(set(SEQUENCE))
     with job.planner(BOX) as planner:
-        placements = fill(bench.rules_of(planner), shelf.prepared, BOX, SEQUENCE, buffer, **more)
+        placements = fill(on_stable_poses(planner), shelf.prepared, BOX, SEQUENCE, buffer, **more)
     return [placement.item for placement in placements]
 
 

@@ -159,11 +159,7 @@ class LayoutPacker:
 
     def tell(self, packing: Packing, effort: Effort) -> None:
         """Say what a layout became."""
-        top = max((float(p.corner[2] + p.extents[2]) for p in packing.placements), default=0.0)
-        self.report(
-            f"after {effort.elapsed:.1f} s of layouts: {len(packing.placements)} of "
-            f"{len(packing.placements) + len(packing.leftovers)} items, height {top:.3f} m ({self.name})"
-        )
+        self.report(f"after {effort.elapsed:.1f} s of layouts: {packing.words} ({self.name})")
 
     def movables(
         self,
