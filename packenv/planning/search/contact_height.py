@@ -97,11 +97,13 @@ class ExactPile:
     shapes: Mapping[str, Item]
     faces: tuple[FacesByCell, ...] = ()
     sides: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
-    _known: dict[tuple[bytes, int, int, tuple[float, float]], float] = field(default_factory=dict, repr=False)
+    _known: dict[tuple[str, bytes, int, int, tuple[float, float]], float] = field(
+        default_factory=dict, repr=False
+    )
 
     def lowest(self, heights: Float32Array, oriented: OrientedItem, ix: int, iy: int) -> float:
         """As :func:`contact_height`, each place once."""
-        place = (oriented.rotation.tobytes(), ix, iy, oriented.phase)
+        place = (oriented.item, oriented.rotation.tobytes(), ix, iy, oriented.phase)
         found = self._known.get(place)
         if found is None:
             whole = oriented.whole or oriented
