@@ -23,7 +23,7 @@ from packenv.planning.packing import PERHAPS, Packing, Pile
 from packenv.planning.portfolio import Portfolio, goal
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
-from packenv.planning.trails import Trails, single_passes
+from packenv.planning.trails import Trails, Turn, single_passes
 from packenv.types import Container, Leftover
 
 CHAINS = 4
@@ -272,4 +272,5 @@ class _Walk:
         placed = Counter(order) & Counter(p.item for p in first)
         as_packed = (*(p.item for p in first), *(Counter(order) - placed).elements())
         rules = range(len(self.chains[0].trails.rules))
-        return [Start(names, k) for names in dict.fromkeys((tuple(order), as_packed)) for k in rules]
+        both = dict.fromkeys((tuple(order), as_packed))
+        return [tuple(Turn(name, k) for name in names) for names in both for k in rules]

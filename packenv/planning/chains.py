@@ -6,14 +6,15 @@ runs. So the same rounds come out in one process and in several.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from packenv.planning.packing import Packing
-from packenv.planning.trails import Trail, Trails
+from packenv.planning.trails import Cost, Trail, Trails, Turn
 
 _STALE = 60
 """So many plans without a better one end a walk: it goes on from the best."""
@@ -24,16 +25,15 @@ _WORSE = 0.1
 _AGAIN = 0.3
 """Share of changes that are two changes at once."""
 
+_WHOLE = 0.5
+"""Share of changes of heuristic that change every piece's, and not that of one."""
+
 _IDLE = 60
 """So many changes in a row that change nothing end a round."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """A sequence of item names and the index of a heuristic."""
-
-    sequence: tuple[str, ...]
-    rule: int
+Start = tuple[Turn, ...]
+"""What makes a plan again."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Improvement:
 
     start: Start
     packing: Packing
-    cost: tuple[int, float, float]
+    cost: Cost
     plans: int
 
 
@@ -128,13 +128,19 @@ class Chain:
                     idle += 1
                     continue
                 idle = 0
-                trail = self.trails.trail(start.sequence, start.rule, self._current, in_time)
+                risky = self._rng.random() < _WORSE
+                trail = self.trails.trail(
+                    start, self._current, in_time, self._limit(given=bool(given), risky=risky)
+                )
                 plans += 1
+                if not trail.finished:
+                    self._aged(better=False)
+                    continue
                 if (told := self._improvement(start, trail, plans)) is not None:
                     yield told
                     if self.enough(told.packing):
                         break
-                self._walk_on(trail, begins=given is not None)
+                self._walk_on(trail, begins=given is not None, risky=risky)
         except _OverError:
             pass
         yield RoundEnd(plans, idle >= _IDLE)
@@ -148,12 +154,27 @@ class Chain:
         self._figures = max(figures, self._figures)
         return Improvement(start, packing, cost, plans)
 
-    def _walk_on(self, trail: Trail, *, begins: bool) -> None:
+    def _limit(self, *, given: bool, risky: bool) -> Callable[[Cost], bool]:
+        """Which cost ends a plan early: one that is not walked on from.
+
+        Args:
+            given: the plan is, so it is made whatever it costs.
+            risky: a worse plan is walked on from.
+        """
+        if given or self._current is None:
+            return lambda cost: False
+        now = self.trails.cost(self._current)
+        if risky:
+            return lambda cost: cost[0] > now[0] + 1
+        return lambda cost: cost > now
+
+    def _walk_on(self, trail: Trail, *, begins: bool, risky: bool) -> None:
         """Go on from a plan that is not worse, now and then from one that is, and from the best if all is stale.
 
         Args:
             trail: the plan.
             begins: it was given, not found by a change.
+            risky: one that is worse by one piece without a place is walked on from.
         """
         if self._current is None or self._best is None:
             self._current = self._best = trail
@@ -163,36 +184,53 @@ class Chain:
             if cost < self.trails.cost(self._best):
                 self._current = self._best = trail
             return
-        one_more = cost[0] <= now[0] + 1 and self._rng.random() < _WORSE
-        self._stale = 0 if cost < now else self._stale + 1
-        if cost <= now or one_more:
+        if cost <= now or (risky and cost[0] <= now[0] + 1):
             self._current = trail
         if cost < self.trails.cost(self._best):
             self._best = trail
+        self._aged(better=cost < now)
+
+    def _aged(self, *, better: bool) -> None:
+        """One more plan: after many that are no better the best is walked on from."""
+        self._stale = 0 if better else self._stale + 1
         if self._stale > _STALE:
             self._current, self._stale = self._best, 0
 
     def _changed(self) -> Start | None:
-        """Another sequence or heuristic than the present ones; None where nothing changed."""
+        """Other turns than the present ones; None where nothing changed."""
         trail = self._current
         if trail is None:
             return None
-        names, rule, lost = list(trail.sequence), trail.rule, trail.lost
+        turns, blamed = list(trail.turns), self._blamed(trail)
         for _ in range(2 if self._rng.random() < _AGAIN else 1):
-            draw, (i, j) = self._rng.random(), self._rng.integers(0, len(names), 2).tolist()
-            if lost and draw < 0.5:
-                piece = int(self._rng.choice(lost))
-                before = self.trails.latest(trail, piece)
+            draw, (i, j) = self._rng.random(), self._rng.integers(0, len(turns), 2).tolist()
+            if blamed and draw < 0.5:
+                k = int(self._rng.choice(blamed))
+                before = self.trails.latest(trail, k, self._below(trail, k))
                 if before is None:
                     return None
                 before = before if self._rng.random() < 0.5 else int(self._rng.integers(0, before + 1))
-                names.insert(before, names.pop(piece))
-                lost = []
+                turns.insert(before, turns.pop(k))
+                blamed = []
             elif draw < 0.7:
-                names[i], names[j] = names[j], names[i]
+                turns[i], turns[j] = turns[j], turns[i]
             elif draw < 0.85:
-                names.insert(j, names.pop(i))
+                turns.insert(j, turns.pop(i))
             else:
                 rule = int(self._rng.integers(len(self.trails.rules)))
-        found = Start(tuple(names), rule)
-        return None if found == Start(trail.sequence, trail.rule) else found
+                whole = self._rng.random() < _WHOLE
+                for k in range(len(turns)) if whole else (i,):
+                    turns[k] = replace(turns[k], rule=rule)
+        found = tuple(turns)
+        return None if found == trail.turns else found
+
+    def _blamed(self, trail: Trail) -> list[int]:
+        """Turns of the pieces that had better come earlier."""
+        lost, highest = trail.lost, trail.highest
+        if lost or self.trails.aim != "height" or highest is None:
+            return lost
+        return [highest]
+
+    def _below(self, trail: Trail, turn: int) -> float:
+        """What a piece's top is to be below, m."""
+        return math.inf if trail.steps[turn].leftover is not None else self.trails.cost(trail)[2]
