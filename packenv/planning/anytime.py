@@ -7,6 +7,7 @@ chains, so the plan does not depend on how many processes they run in.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,7 @@ import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.chain_workers import OneProcess, Processes, Team
-from packenv.planning.chains import Chain, Round, RoundEnd, Start
+from packenv.planning.chains import Chain, Round, RoundEnd, Start, lower
 from packenv.planning.deadline import Deadline
 from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
@@ -273,4 +274,10 @@ class _Walk:
         as_packed = (*(p.item for p in first), *(Counter(order) - placed).elements())
         rules = range(len(self.chains[0].trails.rules))
         both = dict.fromkeys((tuple(order), as_packed))
-        return [tuple(Turn(name, k) for name in names) for names in both for k in rules]
+        return [Start(tuple(Turn(name, k) for name in names), self.ceiling) for names in both for k in rules]
+
+    @property
+    def ceiling(self) -> float:
+        """What further plans have to be below, m."""
+        best, aim = self.record.best, self.record.search.aim
+        return lower(best.height) if aim == "height" and best is not None and not best.lost else math.inf

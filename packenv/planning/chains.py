@@ -28,12 +28,24 @@ _AGAIN = 0.3
 _WHOLE = 0.5
 """Share of changes of heuristic that change every piece's, and not that of one."""
 
+_LOWER = 0.01
+"""Share by which the next pile has to be lower."""
+
 _IDLE = 60
 """So many changes in a row that change nothing end a round."""
 
 
-Start = tuple[Turn, ...]
-"""What makes a plan again."""
+@dataclass(frozen=True)
+class Start:
+    """What a plan is made of.
+
+    Attributes:
+        turns: what is packed, and how.
+        ceiling: no item's top is above it, m.
+    """
+
+    turns: tuple[Turn, ...]
+    ceiling: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,7 @@ class Improvement:
     """A plan that is better than all before it in its chain.
 
     Attributes:
-        start: makes it again.
+        start: what to go on from: its turns, and for the aim of a low pile a ceiling that is lower than this one.
         packing: the plan.
         cost: as :meth:`Trails.cost` has it.
         plans: how many plans the chain had made by then in this round, this one included.
@@ -79,6 +91,11 @@ class RoundEnd:
 
     plans: int
     idle: bool
+
+
+def lower(height: float) -> float:
+    """The ceiling for the next plan after one of this height, m."""
+    return height * (1.0 - _LOWER)
 
 
 class _OverError(Exception):
@@ -106,6 +123,10 @@ class Chain:
     _best: Trail | None = field(default=None, init=False)
     _figures: tuple[float, ...] = field(default=(), init=False)
     _stale: int = field(default=0, init=False)
+    _told: Cost | None = field(default=None, init=False)
+    _begin: list[Start] = field(default_factory=list, init=False)
+    _kept: Trail | None = field(default=None, init=False)
+    _ceiling: float = field(default=math.inf, init=False)
 
     def __post_init__(self) -> None:
         self._rng = np.random.default_rng(self.seed)
@@ -118,41 +139,58 @@ class Chain:
             if self.clock() > task.end:
                 raise _OverError
 
-        begin = list(task.begin)
+        self._begin += task.begin
         try:
             while plans < task.plans and idle < _IDLE:
                 in_time()
-                given = begin.pop(0) if begin else None
-                start = given or self._changed()
-                if start is None:
+                given = self._begin.pop(0) if self._begin else None
+                if given is not None and given.ceiling > self._ceiling:
+                    continue
+                if given is not None and given.ceiling < self._ceiling:
+                    self._lower(given.ceiling)
+                turns = self._changed() if given is None else given.turns
+                if turns is None:
                     idle += 1
                     continue
                 idle = 0
                 risky = self._rng.random() < _WORSE
-                trail = self.trails.trail(
-                    start, self._current, in_time, self._limit(given=bool(given), risky=risky)
-                )
+                limit = self._limit(given=given is not None, risky=risky)
+                trail = self.trails.trail(turns, self._current or self._kept, in_time, limit)
                 plans += 1
                 if not trail.finished:
                     self._aged(better=False)
                     continue
-                if (told := self._improvement(start, trail, plans)) is not None:
+                if (told := self._improvement(trail, plans)) is not None:
                     yield told
                     if self.enough(told.packing):
                         break
+                    if told.start.ceiling < self._ceiling:
+                        self._kept = self.trails.kept(trail, told.start.ceiling)
+                        self._begin.insert(0, told.start)
+                        continue
                 self._walk_on(trail, begins=given is not None, risky=risky)
         except _OverError:
             pass
         yield RoundEnd(plans, idle >= _IDLE)
 
-    def _improvement(self, start: Start, trail: Trail, plans: int) -> Improvement | None:
+    def _improvement(self, trail: Trail, plans: int) -> Improvement | None:
         """What is to be told of a plan; None where it is neither better nor cheaper than all before."""
         cost, packing = self.trails.cost(trail), self.trails.packing(trail)
         figures = self.better(packing)
-        if self._best is not None and figures <= self._figures and cost >= self.trails.cost(self._best):
+        if self._told is not None and figures <= self._figures and cost >= self._told:
             return None
         self._figures = max(figures, self._figures)
-        return Improvement(start, packing, cost, plans)
+        self._told = cost if self._told is None else min(cost, self._told)
+        whole = self.trails.aim == "height" and not cost[0]
+        ceiling = lower(cost[2]) if whole else self._ceiling
+        return Improvement(Start(trail.turns, ceiling), packing, cost, plans)
+
+    def _lower(self, ceiling: float) -> None:
+        """Go on under a lower ceiling, where no plan is known yet."""
+        self._ceiling, self.trails = ceiling, self.trails.under(ceiling)
+        self._current = self._best = None
+        self._kept = None if self._kept is None else self.trails.kept(self._kept, ceiling)
+        self._stale = 0
 
     def _limit(self, *, given: bool, risky: bool) -> Callable[[Cost], bool]:
         """Which cost ends a plan early: one that is not walked on from.
@@ -196,22 +234,22 @@ class Chain:
         if self._stale > _STALE:
             self._current, self._stale = self._best, 0
 
-    def _changed(self) -> Start | None:
+    def _changed(self) -> tuple[Turn, ...] | None:
         """Other turns than the present ones; None where nothing changed."""
         trail = self._current
         if trail is None:
             return None
-        turns, blamed = list(trail.turns), self._blamed(trail)
+        turns, lost = list(trail.turns), trail.lost
         for _ in range(2 if self._rng.random() < _AGAIN else 1):
             draw, (i, j) = self._rng.random(), self._rng.integers(0, len(turns), 2).tolist()
-            if blamed and draw < 0.5:
-                k = int(self._rng.choice(blamed))
-                before = self.trails.latest(trail, k, self._below(trail, k))
+            if lost and draw < 0.5:
+                k = int(self._rng.choice(lost))
+                before = self.trails.latest(trail, k)
                 if before is None:
                     return None
                 before = before if self._rng.random() < 0.5 else int(self._rng.integers(0, before + 1))
                 turns.insert(before, turns.pop(k))
-                blamed = []
+                lost = []
             elif draw < 0.7:
                 turns[i], turns[j] = turns[j], turns[i]
             elif draw < 0.85:
@@ -223,14 +261,3 @@ class Chain:
                     turns[k] = replace(turns[k], rule=rule)
         found = tuple(turns)
         return None if found == trail.turns else found
-
-    def _blamed(self, trail: Trail) -> list[int]:
-        """Turns of the pieces that had better come earlier."""
-        lost, highest = trail.lost, trail.highest
-        if lost or self.trails.aim != "height" or highest is None:
-            return lost
-        return [highest]
-
-    def _below(self, trail: Trail, turn: int) -> float:
-        """What a piece's top is to be below, m."""
-        return math.inf if trail.steps[turn].leftover is not None else self.trails.cost(trail)[2]

@@ -81,12 +81,6 @@ class Trail:
         return [k for k, step in enumerate(self.steps) if step.leftover is not None]
 
     @property
-    def highest(self) -> int | None:
-        """Turn of the piece whose top is the pile's; None where nothing has a place."""
-        tops = {k: _top(step.run.placements) for k, step in enumerate(self.steps) if step.leftover is None}
-        return max(tops, key=tops.__getitem__, default=None)
-
-    @property
     def placements(self) -> tuple[Placement, ...]:
         """What has a place, in packing sequence."""
         return tuple(p for step in self.steps for p in step.run.placements)
@@ -110,6 +104,16 @@ class Trails:
     start: Pile | None
     aim: Goal = "items"
 
+    def under(self, ceiling: float) -> Trails:
+        """The same, with no item's top above a height, m."""
+        return replace(self, rules=[replace(rules, ceiling=ceiling) for rules in self.rules])
+
+    def kept(self, trail: Trail, ceiling: float) -> Trail:
+        """The beginning of a plan that is the same under a lower ceiling: until a piece is above it, or lost."""
+        tops = (math.inf if step.leftover else _top(step.run.placements) for step in trail.steps)
+        count = next((k for k, top in enumerate(tops) if top > ceiling), len(trail.steps))
+        return Trail(trail.turns, trail.steps[:count])
+
     def trail(
         self,
         turns: tuple[Turn, ...],
@@ -121,7 +125,7 @@ class Trails:
 
         Args:
             turns: what to pack, and how.
-            parent: another trail of the same pieces.
+            parent: another trail of the same pieces, or the beginning of one.
             before_step: is called before each piece that is packed, and may raise.
             give_up: whether a plan is given up whose cost is at least this; asked after each piece.
         """
@@ -151,23 +155,17 @@ class Trails:
             return Step(run, run.pile, run.leftover(self.items[piece.item], piece, rejected))
         return Step(run, replace(run.pile, held=held), None)
 
-    def latest(self, trail: Trail, turn: int, below: float = math.inf) -> int | None:
-        """The latest turn before which a piece has a place; None where it has none in the empty container.
-
-        Args:
-            trail: the plan.
-            turn: of the piece.
-            below: what its top has to be below there, m.
-        """
-        piece, rule = Piece(trail.turns[turn].item, 1), trail.turns[turn].rule
+    def latest(self, trail: Trail, lost: int) -> int | None:
+        """The latest turn before which a lost piece has a place; None where it has none in the empty container."""
+        piece, rule = Piece(trail.turns[lost].item, 1), trail.turns[lost].rule
 
         def fits(before: int) -> bool:
-            step = self.step(piece, rule, trail.steps[before - 1].pile if before else self.start)
-            return step.leftover is None and _top(step.run.placements) < below
+            pile = trail.steps[before - 1].pile if before else self.start
+            return self.step(piece, rule, pile).leftover is None
 
         if not fits(0):
             return None
-        low, high = 0, turn
+        low, high = 0, lost
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (middle, high) if fits(middle) else (low, middle)

@@ -104,6 +104,20 @@ def test_no_further_step_makes_up_for_a_cost(goal: Goal) -> None:
         assert len(ended.steps) == passed
 
 
+@pytest.mark.parametrize("constraints", ["overlap", "stability"])
+def test_a_beginning_below_a_ceiling_is_the_same_as_one_made_under_it(constraints: str) -> None:
+    trails, sequence = trails_of(PlanOptions(constraints=constraints, goal="height", plans=10**6, **WORDS))
+    for rule in range(4):
+        trail = trails.trail(turns(sequence, rule))
+        for ceiling in np.linspace(0.03, BOX.height, 5).tolist():
+            lower = trails.under(ceiling)
+            made = lower.trail(trail.turns)
+            assert all(float(p.corner[2] + p.extents[2]) <= ceiling for p in made.placements)
+            kept = trails.kept(trail, ceiling)
+            assert places(kept) == places(made)[: len(kept.steps)]
+            assert places(lower.trail(trail.turns, kept)) == places(made)
+
+
 def test_who_made_a_plan() -> None:
     trails, sequence = trails_of(PlanOptions(constraints="overlap", plans=10**6, **WORDS))
     alone = trails.trail(turns(sequence[:4], 0))
