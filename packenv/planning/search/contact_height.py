@@ -230,15 +230,13 @@ def _by_cell(
     *,
     down: bool,
 ) -> FacesByCell:
-    corners, planes, boxes = (np.empty((len(faces), *own)) for own in ((3, 3), (3,), (6,)))
-    count = kernels.facing(points, faces, down, corners, planes, boxes)
-    corners, planes, boxes = corners[:count], planes[:count], boxes[:count]
+    chosen = np.empty(len(faces), np.int64)
+    chosen = chosen[: kernels.facing(points, faces, down, chosen)]
+    corners, planes, boxes = (np.empty((len(chosen), *own)) for own in ((3, 3), (3,), (6,)))
+    kernels.bounds_of_faces(points, faces, chosen, corners, planes, boxes)
     starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
-    # At most so many cells touch the boxes of the faces.
-    wide = np.floor((boxes[:, 3:5] - boxes[:, :2]) / cell) + 2.0
-    pairs = np.empty((int(wide.prod(axis=1).sum()), 2), dtype=np.int32)
     origin = first[0] * cell, first[1] * cell
-    entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts, pairs)
+    entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts)
     keys = boxes[:, 2] if down else -boxes[:, 5]
     first_keys = np.empty(shape[0] * shape[1])
     kernels.sort_cells(starts, entries, keys, first_keys)
