@@ -39,6 +39,9 @@ ROUND = 16
 QUICK = 0.05
 """Share of a budget that a pass may take where all rules, with fallback and restarts, are tried before the search."""
 
+CAREFUL = 0.25
+"""Share of a budget after which nothing of that begins any more, and the search does."""
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -145,13 +148,16 @@ class Anytime:
             if enough(first) or deadline.passed:
                 return first, False
             if not self.hurried(self.clock() - began):
-                whole = replace(self.first, until=deadline, found=record.keep)
+                share = Deadline(began + CAREFUL * (float(end) - began), self.clock)
+                whole = replace(self.first, until=share, found=record.keep)
                 first = whole.pack(sequence, items, container, start)
             hopeless = tuple(left for left in first.leftovers if left.reason not in PERHAPS)
             within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
             order = sorted(within, key=list(sequence).index)
             if order and not enough(first):
-                trails = Trails(list(single_passes(self.first.members)), items, container, start, self.aim)
+                trails = Trails(
+                    list(single_passes(self.first.members, self.aim)), items, container, start, self.aim
+                )
                 chains = [
                     Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)
                 ]

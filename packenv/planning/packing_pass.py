@@ -15,6 +15,7 @@ from packenv.errors import InputError
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.admission import Admission, Held
 from packenv.planning.constraints import Constraint
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.inquiry import ORIENTATION, Inquiry, barrier, objection, place
 from packenv.planning.manipulation.constraint import NO_GRASP, TOO_HEAVY
 from packenv.planning.options import Places
@@ -68,6 +69,7 @@ class PassRules:
         admission: which items a box takes at all.
         only: rotations, as bytes, of items that are tried at some orientations alone.
         ceiling: no item's top is placed above it, m.
+        until: no fallback and no restart begins after it.
     """
 
     heuristic: Heuristic
@@ -85,6 +87,7 @@ class PassRules:
     admission: Admission = field(default_factory=Admission)
     only: Mapping[str, frozenset[bytes]] = field(default_factory=dict)
     ceiling: float = math.inf
+    until: Deadline = NEVER
 
     def __post_init__(self) -> None:
         """Check.
@@ -225,7 +228,7 @@ class PackingPass:
     def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
         planner, strategy = self.planner, self.planner.strategy
-        if planner.perturbations is None or planner.search == "5d":
+        if planner.perturbations is None or planner.search == "5d" or planner.until.passed:
             return rejections
         for tiers in strategy.fallback or (strategy.first,):
             for k, group in enumerate(self.groups(piece.item)):

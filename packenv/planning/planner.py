@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from packenv.geometry.prepare import PreparedItem
-from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
 from packenv.planning.variants import is_hollow, side_by_side
@@ -19,13 +18,7 @@ _LARGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Planner(PassRules):
-    """Plans orders; close it, or use it in a ``with`` statement, for its constraints may hold a world.
-
-    Attributes:
-        until: no restart begins after it.
-    """
-
-    until: Deadline = NEVER
+    """Plans orders; close it, or use it in a ``with`` statement, for its constraints may hold a world."""
 
     def __enter__(self) -> Planner:
         """The planner."""

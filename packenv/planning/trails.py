@@ -211,16 +211,20 @@ def _top(placements: Iterable[Placement]) -> float:
     return max((float(p.corner[2] + p.extents[2]) for p in placements), default=0.0)
 
 
-def single_passes(members: Sequence[Planner]) -> Iterator[PassRules]:
-    """The rules of trails: the tiers of a restart and stable poses alone.
+def single_passes(members: Sequence[Planner], aim: Goal) -> Iterator[PassRules]:
+    """The rules of trails: stable poses alone, and where all items are the aim, no margin before a better place.
 
     Where exact places are tried, another trail tries the grid alone: in the time of one there are five of those.
 
     Args:
         members: planners that differ in their heuristic alone.
+        aim: what is better.
     """
     for member in members:
-        rules = on_stable_poses(member)
+        strategy, rules = member.strategy, on_stable_poses(member)
+        if aim in ("items", "box") and strategy.last_resorts:
+            bare = Strategy(first=tuple(strategy.last_resorts[-1]), clearance=strategy.clearance)
+            rules = replace(rules, strategy=bare)
         yield rules
         if member.places == "exact":
             yield replace(rules, places="grid")
