@@ -24,13 +24,12 @@ from pathlib import Path
 import numpy as np
 from trimesh.exchange.binvox import load_binvox
 
-from packenv.geometry.voxel_kernels import least
 from packenv.geometry.voxels import Voxels
+from packenv.kernels import compiled_in_any_sequence
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
 from packenv.planning.layouts.layout import Arrangement
 from packenv.planning.layouts.layout_packer import LayoutSearch
-from packenv.planning.layouts.overlap_map import OverlapMap
 from packenv.planning.layouts.separation import Separation
 
 METHODS = ("one-pass", "search", "gls", "separate")
@@ -77,7 +76,8 @@ def read_instances(folder: Path) -> dict[str, Instance]:
     for name, own in rows.items():
         unit = float(own[0]["unit_per_voxel"])
         x, y = (int(float(own[0][side]) / unit + 1e-6) for side in ("length", "width"))
-        pieces = [Piece(read_piece(folder / row["file"])) for row in own for _ in range(int(row["quantity"]))]
+        shapes = [(Piece(read_piece(folder / row["file"])), int(row["quantity"])) for row in own]
+        pieces = [piece for piece, quantity in shapes for _ in range(quantity)]
         found[name] = Instance(tuple(pieces), (x, y), unit)
     return found
 
@@ -91,22 +91,44 @@ def read_piece(path: Path) -> Voxels:
     return Voxels(grid, np.array(grid.shape, dtype=np.float64), 1.0)
 
 
+@compiled_in_any_sequence
+def rest_levels(heights, bottoms, levels):  # type: ignore[no-untyped-def]
+    """How low a piece comes at every place, straight down: the highest of what its columns meet.
+
+    Args:
+        heights: (x, y) float32 of the pile, voxels.
+        bottoms: (w, d) float32 of the piece's columns; beyond any height where there is none.
+        levels: (x - w + 1, y - d + 1) float32, overwritten.
+    """
+    levels[:] = 0.0
+    w, d = bottoms.shape
+    for i in range(w):
+        for j in range(d):
+            bottom = bottoms[i, j]
+            for x in range(levels.shape[0]):
+                below, line = heights[x + i, j : j + levels.shape[1]], levels[x]
+                for y in range(levels.shape[1]):
+                    level = below[y] - bottom
+                    line[y] = level if level > line[y] else line[y]
+
+
 def loaded(instance: Instance, sequence: Sequence[int]) -> tuple[int, list[tuple[int, int, int]]]:
-    """Height of the pile, and each piece's place, where pieces come straight down in a sequence."""
-    tall = max(piece.grid.grid.shape[2] for piece in instance.pieces)
-    x, y = instance.floor
-    heights = np.zeros((x, y), dtype=np.int64)
+    """Height of the pile, and each piece's place, where pieces come straight down in a sequence.
+
+    Each goes to the lowest place, and of equally low ones to the one nearest to a corner.
+    """
+    heights = np.zeros(instance.floor, dtype=np.float32)
     places = [(0, 0, 0)] * len(instance.pieces)
     for k in sequence:
-        grid = instance.pieces[k].grid
-        size = (x, y, int(heights.max()) + tall)
-        below = np.arange(size[2]) < heights[:, :, None]
-        costs = OverlapMap(below.astype(np.float32)).at(grid.grid, grid.places(size))
-        _, i, j, z = least(costs, 1.0, 1.0)
-        places[k] = (i, j, z)
-        w, d, h = grid.grid.shape
-        tops = np.where(grid.grid.any(axis=2), z + h - grid.grid[:, :, ::-1].argmax(axis=2), 0)
-        np.maximum(heights[i : i + w, j : j + d], tops, out=heights[i : i + w, j : j + d])
+        low, high = instance.pieces[k].grid.runs
+        bottoms, tops = low.min(axis=0), high.max(axis=0)
+        levels = np.empty(np.subtract(heights.shape, bottoms.shape) + 1, dtype=np.float32)
+        rest_levels(heights, bottoms, levels)
+        x, y = np.indices(levels.shape)
+        i, j = map(int, np.unravel_index(int((2 * levels + x + y).argmin()), levels.shape))
+        places[k] = (i, j, int(levels[i, j]))
+        below = heights[i : i + tops.shape[0], j : j + tops.shape[1]]
+        np.maximum(below, levels[i, j] + tops, out=below)
     return int(heights.max()), places
 
 
