@@ -144,10 +144,13 @@ def costs_along(pool, layers, shapes, own, at, others, places, penalties, axis, 
 
 @compiled
 def _cost(pool, layers, shapes, own, x, y, z, others, places, weights, limit):  # type: ignore[no-untyped-def]
-    """Weighted sum of the voxels that a shape at (x, y, z) shares with others, or more than the limit if it is."""
+    """Weighted sum of the sizes of what a shape at (x, y, z) shares with others, or more than the limit if it is.
+
+    A size is the side of a cube of as many voxels: shallow overlaps then do not count next to nothing.
+    """
     total = 0.0
     for k in range(others.shape[0]):
-        total += weights[k] * shared(pool, layers, shapes, own, x, y, z, others[k], places[k])
+        total += weights[k] * np.cbrt(shared(pool, layers, shapes, own, x, y, z, others[k], places[k]))
         if total > limit:
             break
     return total
@@ -166,7 +169,7 @@ def descend(pool, layers, shapes, own, start, last, others, places, weights, ste
         last: the last place along x, y and z.
         others: (n,) the other shapes.
         places: (n, 3) where they begin.
-        weights: (n,) of a voxel that is shared with each.
+        weights: (n,) of the size of what is shared with each.
         step: how far the neighbours are at first, voxels; halved until it is 1.
         along_x: of places without cost the lowest is taken, and of equally low ones: 1 prefers small x, -1 large.
         along_y: likewise.

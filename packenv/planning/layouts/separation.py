@@ -18,7 +18,7 @@ from packenv.planning.layouts.layout import Arrangement, Layout, WillDo, without
 from packenv.types import FloatArray
 
 _HEAVIEST = 1e4
-"""Largest weight: a map in single precision still tells one voxel of weight 1 from none."""
+"""Largest weight: sums of it along a column of voxels fit 32 bits."""
 
 _LOOKED_AT = 15_000
 """About so many places in a box are looked at before voxels are."""
@@ -31,13 +31,13 @@ class Separation:
     """Moves overlaps out of an arrangement.
 
     Attributes:
-        tries: orientations that are looked at in a move, the present one among them.
+        tries: places, at any of the orientations, from which a move goes on voxel by voxel.
         growth: least and most by which the weight of a pair that overlaps is multiplied after a round.
         decay: by which the weight of one that does not is, down to 1.
         patience: rounds without a better layout before the best one is gone back to.
     """
 
-    tries: int = 5
+    tries: int = 3
     growth: tuple[float, float] = (1.2, 2.0)
     decay: float = 0.95
     patience: int = 30
