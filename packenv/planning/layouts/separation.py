@@ -92,7 +92,14 @@ class Separation:
     def move(
         self, arrangement: Arrangement, piece: int, weights: FloatArray, rng: np.random.Generator
     ) -> None:
-        """Put a piece where it overlaps least, at any of its orientations.
+        """Put a piece where it overlaps least, at any of its orientations."""
+        _, kind, at = self.best_place(arrangement, piece, weights, rng)
+        arrangement.move(piece, kind, at)
+
+    def best_place(
+        self, arrangement: Arrangement, piece: int, weights: FloatArray, rng: np.random.Generator
+    ) -> tuple[float, int, tuple[int, int, int]]:
+        """What the place where a piece overlaps least costs, its orientation there, and the place.
 
         A sample of the columns tells where about; from the most promising places it goes on voxel by voxel. Of places
         without overlap a low one in a corner that is drawn is taken. Where the piece is has no advantage: that it has
@@ -117,17 +124,17 @@ class Separation:
                 (c, kind, shape, (int(x), int(y), int(z))) for c, x, y, z in rough.tolist() if c < np.inf
             ]
         starts.sort(key=lambda one: one[0])
-        best, found = np.inf, starts[0][1:]
+        best, found = np.inf, (starts[0][1], starts[0][3])
         for _, kind, shape, begin in starts[: self.tries]:
             last = np.subtract(arrangement.places(piece, kind), 1)
             weight, *at = descend(
                 *arrangement.runs.arrays, shape, begin, last, shapes, places, own, max(step // 2, 1), *along
             )
             if weight < best:
-                best, found = weight, (kind, shape, (at[0], at[1], at[2]))
+                best, found = weight, (kind, (at[0], at[1], at[2]))
             if best == 0.0:
                 break
-        arrangement.move(piece, found[0], found[2])
+        return best, *found
 
     def reweigh(self, weights: FloatArray, arrangement: Arrangement) -> None:
         """Grow the weights of pairs that overlap, in place, most where most; let the others decay."""
