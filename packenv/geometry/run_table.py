@@ -25,45 +25,43 @@ class RunTable:
     layers: IntArray = field(default_factory=lambda: np.empty((0, 7), dtype=np.int64))
     rows: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     _used: int = 0
-    _known: dict[Voxels, tuple[int, int, int, int]] = field(default_factory=dict)
+    _known: dict[tuple[Voxels, bool, bool], int] = field(default_factory=dict)
 
     @property
     def arrays(self) -> tuple[Float32Array, IntArray, IntArray]:
         """What the kernels are given first."""
         return self.pool, self.layers, self.rows
 
-    def of(self, voxels: Voxels) -> tuple[int, int, int, int]:
-        """Numbers of four shapes: a voxel set, with all above it, with all below it, and with both."""
-        if voxels not in self._known:
+    def of(self, voxels: Voxels, above: bool = False, below: bool = False) -> int:
+        """Number of the shape that a voxel set is, with all that is straight above it, or below it."""
+        key = voxels, above, below
+        if key not in self._known:
             low, high = voxels.runs
-            least, most = low.min(axis=0), high.max(axis=0)
-            top, bottom = np.where(most > 0, NOWHERE, -NOWHERE), np.where(most > 0, -NOWHERE, NOWHERE)
-            self._known[voxels] = (
-                self._add(low, high),
-                self._add(least[None], top[None]),
-                self._add(bottom[None], most[None]),
-                self._add(bottom[None], top[None]),
-            )
-        return self._known[voxels]
+            if above or below:
+                least, most = low.min(axis=0, keepdims=True), high.max(axis=0, keepdims=True)
+                there = most > least
+                low = np.where(there, np.float32(-NOWHERE), np.float32(NOWHERE)) if below else least
+                high = np.where(there, np.float32(NOWHERE), np.float32(-NOWHERE)) if above else most
+            self._known[key] = self._add(low, high)
+        return self._known[key]
 
     def _add(self, low: Float32Array, high: Float32Array) -> int:
         """Put a shape in; each layer loses the margin in which it has no run."""
         rows = []
         for bottoms, tops in zip(low, high, strict=True):
-            there = tops > bottoms
-            xs, ys = np.flatnonzero(there.any(axis=1)), np.flatnonzero(there.any(axis=0))
-            if not len(xs):
+            x, y = np.nonzero(tops > bottoms)
+            if not len(x):
                 continue
-            part = np.s_[xs[0] : xs[-1] + 1, ys[0] : ys[-1] + 1]
-            own = np.stack([bottoms[part], tops[part]]).astype(np.float32)
-            if self._used + own.size > len(self.pool):
-                larger = np.empty(2 * (self._used + own.size), dtype=np.float32)
-                larger[: self._used] = self.pool[: self._used]
-                self.pool = larger
-            self.pool[self._used : self._used + own.size] = own.ravel()
-            extremes = own[0].min(), own[1].max()
-            rows.append((self._used, xs[0], ys[0], *own.shape[1:], *map(int, extremes)))
-            self._used += own.size
+            i, j = x.min(), y.min()
+            part = np.s_[i : x.max() + 1, j : y.max() + 1]
+            bottoms, tops = bottoms[part], tops[part]
+            rows.append((self._used, i, j, *bottoms.shape, int(bottoms.min()), int(tops.max())))
+            for values in (bottoms, tops):
+                end = self._used + values.size
+                if end > len(self.pool):
+                    self.pool = np.concatenate([self.pool[: self._used], np.empty(end, dtype=np.float32)])
+                self.pool[self._used : end] = values.ravel()
+                self._used = end
         first = len(self.layers)
         if rows:
             self.layers = np.concatenate([self.layers, np.array(rows, dtype=np.int64)])

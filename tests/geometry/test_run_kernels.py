@@ -40,8 +40,8 @@ class Scene:
         voxels = [drawn(rng) for _ in range(rng.integers(1, 7))]
         self.places = np.array([rng.integers(0, np.subtract(BOX, v.grid.shape) + 1) for v in voxels])
         self.wholes = [spread(v.grid, at) for v, at in zip(voxels, self.places, strict=True)]
-        self.shape = self.table.of(self.own)[0]
-        self.others = np.array([self.table.of(v)[0] for v in voxels])
+        self.shape = self.table.of(self.own)
+        self.others = np.array([self.table.of(v) for v in voxels])
         self.voxels, self.weights = voxels, rng.integers(1, 200, len(voxels)) / 4
         self.last = np.subtract(BOX, self.own.grid.shape)
         self.at = rng.integers(0, self.last + 1)
@@ -81,7 +81,7 @@ def test_what_is_above_and_below_has_no_end(seed: int) -> None:
     up = np.maximum.accumulate(scene.wholes[0], axis=2)
     down = np.maximum.accumulate(scene.wholes[0][:, :, ::-1], axis=2)[:, :, ::-1]
     found = np.empty(4, dtype=np.int64)
-    numbers = np.array(scene.table.of(scene.voxels[0]))
+    numbers = np.array([scene.table.of(scene.voxels[0], a, b) for b in (False, True) for a in (False, True)])
     places = np.repeat(scene.places[:1], 4, axis=0)
     run_kernels.shared_with_each(*scene.table.arrays, scene.shape, scene.at, numbers, places, found)
     own = spread(scene.own.grid, scene.at)

@@ -44,7 +44,7 @@ def test_what_shares_no_voxel_does_not_overlap(a: Item, b: Item, seed: int) -> N
     first, second = (voxelize(*pair, PITCH) for pair in zip((a, b), rotations, strict=True))
     rng = np.random.default_rng(seed)
     zero, table = np.zeros(3, dtype=np.int64), RunTable()
-    own, other = table.of(first)[0], table.of(second)[0]
+    own, other = table.of(first), table.of(second)
     for _ in range(6):
         # Around first contact, where the answer is in doubt.
         direction = rng.normal(size=3)

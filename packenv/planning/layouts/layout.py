@@ -149,11 +149,13 @@ class Arrangement:
         """Number of places of a piece at an orientation along x, y and z."""
         return self.pieces[piece].voxels(kind, self.pitch).places(self.size)
 
-    def shape_of(self, piece: int, kind: int) -> int:
-        """Number of the shape that a piece has at an orientation."""
-        if self._numbers[piece, kind, 0] < 0:
-            self._numbers[piece, kind] = self.runs.of(self.voxels(piece, kind))
-        return int(self._numbers[piece, kind, 0])
+    def shape_of(self, piece: int, kind: int, sides: int = 0) -> int:
+        """Number of the shape that a piece has at an orientation; sides: 1 with what is above, 2 with what is below."""
+        found = int(self._numbers[piece, kind, sides])
+        if found < 0:
+            found = self.runs.of(self.voxels(piece, kind), bool(sides & 1), bool(sides & 2))
+            self._numbers[piece, kind, sides] = found
+        return found
 
     def others(self, piece: int) -> tuple[IntArray, IntArray, IntArray]:
         """Numbers (m,), shapes (m,) and places (m, 3) of all other pieces that are somewhere, and of what is fixed.
@@ -164,15 +166,15 @@ class Arrangement:
         there[piece] = False
         others = np.flatnonzero(there)
         kinds = self.kinds[others]
-        for k in np.flatnonzero(self._numbers[others, kinds, 0] < 0).tolist():
-            self.shape_of(int(others[k]), int(kinds[k]))
         sides = self.below[piece, others] + 2 * self.below[others, piece]
         shapes, at = self._numbers[others, kinds, sides], self.at[others]
+        for k in np.flatnonzero(shapes < 0).tolist():
+            shapes[k] = self.shape_of(int(others[k]), int(kinds[k]), int(sides[k]))
         if self.fixed is None:
             return others, shapes, at
         if self._fixed is None:
             self._fixed = Voxels(self.fixed, np.multiply(self.shape, self.pitch), self.pitch)
-        number = self.runs.of(self._fixed)[0]
+        number = self.runs.of(self._fixed)
         return (
             np.append(others, len(self.pieces)),
             np.append(shapes, number),
