@@ -4,8 +4,9 @@ All pieces into a container of a given floor, at the orientation that they are g
 folder has an ``instances.csv`` (instance, length, width, unit_per_voxel, file, quantity) and the files, ``.binvox``.
 
 ``one-pass``: the largest piece first, each straight down from above to the lowest place. ``search``: the same in other
-sequences, while there is time. ``gls`` and ``separate``: overlap and containment alone count; from the height of the
-one pass on, the box is made lower by one voxel whenever nothing overlaps. These are not loaded from above.
+sequences and into other corners, while there is time. ``gls`` and ``separate``: overlap and containment alone count;
+from the height of the one pass on, the box is made lower by one voxel whenever nothing overlaps. These are not loaded
+from above.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from trimesh.exchange.binvox import load_binvox
 
-from packenv.geometry.voxel_kernels import least
 from packenv.geometry.voxels import Voxels
+from packenv.kernels import compiled, compiled_in_any_sequence
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.guided_local_search import GuidedLocalSearch
 from packenv.planning.layouts.layout import Arrangement
 from packenv.planning.layouts.layout_packer import LayoutSearch
-from packenv.planning.layouts.overlap_map import OverlapMap
 from packenv.planning.layouts.separation import Separation
+from packenv.types import Float32Array, IntArray
 
 METHODS = ("one-pass", "search", "gls", "separate")
 
@@ -41,6 +43,12 @@ class Piece:
     """A piece at its one orientation, voxels of side 1."""
 
     grid: Voxels
+
+    @cached_property
+    def columns(self) -> tuple[Float32Array, Float32Array]:
+        """(w, d) bottoms and tops of its columns."""
+        low, high = self.grid.runs
+        return low.min(axis=0), high.max(axis=0)
 
     @property
     def orientations(self) -> Sequence[object]:
@@ -77,7 +85,8 @@ def read_instances(folder: Path) -> dict[str, Instance]:
     for name, own in rows.items():
         unit = float(own[0]["unit_per_voxel"])
         x, y = (int(float(own[0][side]) / unit + 1e-6) for side in ("length", "width"))
-        pieces = [Piece(read_piece(folder / row["file"])) for row in own for _ in range(int(row["quantity"]))]
+        shapes = [(Piece(read_piece(folder / row["file"])), int(row["quantity"])) for row in own]
+        pieces = [piece for piece, quantity in shapes for _ in range(quantity)]
         found[name] = Instance(tuple(pieces), (x, y), unit)
     return found
 
@@ -91,22 +100,68 @@ def read_piece(path: Path) -> Voxels:
     return Voxels(grid, np.array(grid.shape, dtype=np.float64), 1.0)
 
 
-def loaded(instance: Instance, sequence: Sequence[int]) -> tuple[int, list[tuple[int, int, int]]]:
-    """Height of the pile, and each piece's place, where pieces come straight down in a sequence."""
-    tall = max(piece.grid.grid.shape[2] for piece in instance.pieces)
-    x, y = instance.floor
-    heights = np.zeros((x, y), dtype=np.int64)
-    places = [(0, 0, 0)] * len(instance.pieces)
+@compiled_in_any_sequence
+def rest_levels(heights, bottoms, levels):  # type: ignore[no-untyped-def]
+    """How low a piece comes at every place, straight down: the highest of what its columns meet.
+
+    Args:
+        heights: (x, y) float32 of the pile, voxels.
+        bottoms: (w, d) float32 of the piece's columns; beyond any height where there is none.
+        levels: (x - w + 1, y - d + 1) float32, overwritten.
+    """
+    levels[:] = 0.0
+    for i in range(bottoms.shape[0]):
+        for j in range(bottoms.shape[1]):
+            bottom = bottoms[i, j]
+            for x in range(levels.shape[0]):
+                below, line = heights[x + i, j : j + levels.shape[1]], levels[x]
+                for y in range(levels.shape[1]):
+                    level = below[y] - bottom
+                    line[y] = level if level > line[y] else line[y]
+
+
+@compiled
+def put_down(heights, bottoms, tops, corner, place):  # type: ignore[no-untyped-def]
+    """Let a piece down where it comes to lie lowest, and of equally low places in a corner.
+
+    Args:
+        heights: (x, y) float32 of the pile, changed.
+        bottoms: as for :func:`rest_levels`.
+        tops: (w, d) float32 of the piece's columns.
+        corner: (2,) 1 where small x, or y, is preferred, -1 where large.
+        place: (3,) int64, overwritten: x, y and z.
+    """
+    w, d = bottoms.shape
+    levels = np.empty((heights.shape[0] - w + 1, heights.shape[1] - d + 1), dtype=np.float32)
+    rest_levels(heights, bottoms, levels)
+    best = np.inf
+    for x in range(levels.shape[0]):
+        for y in range(levels.shape[1]):
+            aside = 2.0 * levels[x, y] + corner[0] * x + corner[1] * y
+            if aside < best:
+                best = aside
+                place[0], place[1], place[2] = x, y, levels[x, y]
+    for i in range(w):
+        for j in range(d):
+            at = place[0] + i, place[1] + j
+            heights[at] = max(heights[at], np.float32(place[2] + tops[i, j]))
+
+
+def loaded(
+    instance: Instance, sequence: Sequence[int], corners: IntArray | None = None
+) -> tuple[int, IntArray]:
+    """Height of the pile, and each piece's place (n, 3), where pieces come straight down in a sequence.
+
+    Args:
+        instance: what is loaded.
+        sequence: numbers of its pieces.
+        corners: (n, 2) of each piece, see :func:`put_down`; None is 1.
+    """
+    heights = np.zeros(instance.floor, dtype=np.float32)
+    places = np.zeros((len(instance.pieces), 3), dtype=np.int64)
+    corners = np.ones((len(places), 2), dtype=np.int64) if corners is None else corners
     for k in sequence:
-        grid = instance.pieces[k].grid
-        size = (x, y, int(heights.max()) + tall)
-        below = np.arange(size[2]) < heights[:, :, None]
-        costs = OverlapMap(below.astype(np.float32)).at(grid.grid, grid.places(size))
-        _, i, j, z = least(costs, 1.0, 1.0)
-        places[k] = (i, j, z)
-        w, d, h = grid.grid.shape
-        tops = np.where(grid.grid.any(axis=2), z + h - grid.grid[:, :, ::-1].argmax(axis=2), 0)
-        np.maximum(heights[i : i + w, j : j + d], tops, out=heights[i : i + w, j : j + d])
+        put_down(heights, *instance.pieces[k].columns, corners[k], places[k])
     return int(heights.max()), places
 
 
@@ -116,15 +171,28 @@ def largest_first(instance: Instance) -> list[int]:
 
 
 def sequences(instance: Instance, effort: Effort, rng: np.random.Generator) -> Iterator[tuple[int, float]]:
-    """Heights of better and better sequences, and when they were found: one piece moves at a time."""
+    """Heights of better and better sequences, and when they were found.
+
+    One piece at a time goes elsewhere in the sequence, changes places in it with another one, or prefers another
+    corner.
+    """
     best, (height, _) = largest_first(instance), loaded(instance, largest_first(instance))
+    n, corners = len(best), np.ones((len(best), 2), dtype=np.int64)
     yield height, effort.elapsed
     while effort.left():
-        trial = list(best)
-        trial.insert(int(rng.integers(len(trial))), trial.pop(int(rng.integers(len(trial)))))
-        found, _ = loaded(instance, trial)
+        trial, turned = list(best), corners
+        a, b = rng.integers(n, size=2).tolist()
+        match int(rng.integers(3)):
+            case 0:
+                trial.insert(b, trial.pop(a))
+            case 1:
+                trial[a], trial[b] = trial[b], trial[a]
+            case _:
+                turned = corners.copy()
+                turned[a] = rng.choice([-1, 1], 2)
+        found, _ = loaded(instance, trial, turned)
         if found <= height:
-            best = trial
+            best, corners = trial, turned
         if found < height:
             height = found
             yield height, effort.elapsed
@@ -145,8 +213,10 @@ def squeezed(
             arrangement.move(k, 0, np.minimum(at, np.array(last[k]) - 1))
         if search.run(arrangement, rng, effort).overlap:
             return
-        places = [(x, y, z) for x, y, z in arrangement.at.tolist()]
-        height = max(z + instance.pieces[k].grid.grid.shape[2] for k, (_, _, z) in enumerate(places))
+        places = arrangement.at.copy()
+        height = max(
+            int(z) + piece.grid.grid.shape[2] for z, piece in zip(places[:, 2], instance.pieces, strict=True)
+        )
         yield height, effort.elapsed
 
 

@@ -90,3 +90,6 @@ compiled = _kept({})
 
 compiled_like_numpy = _kept({"error_model": "numpy"})
 """The same, but a division by zero gives infinity or NaN, as with arrays."""
+
+compiled_in_any_sequence = _kept({"fastmath": {"reassoc", "nsz", "nnan"}})
+"""The same as ``compiled``, for sums whose sequence does not matter: several terms at once are added."""

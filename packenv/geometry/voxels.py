@@ -10,7 +10,8 @@ import numpy as np
 
 from packenv.config import CLEARANCE
 from packenv.geometry.raster_kernels import TOUCH_TOLERANCE, settle
-from packenv.geometry.voxel_kernels import halved, touch
+from packenv.geometry.run_kernels import find_runs, most_runs
+from packenv.geometry.voxel_kernels import touch
 from packenv.types import BoolArray, Float32Array, FloatArray, Item
 
 
@@ -29,13 +30,12 @@ class Voxels:
     pitch: float
 
     @cached_property
-    def coarse(self) -> Float32Array:
-        """(half of each side, rounded up) the share of each block of 2 x 2 x 2 voxels that is set."""
-        w, d, h = (n + 1 >> 1 for n in self.grid.shape)
-        sums = np.zeros((w, d, h), dtype=np.float32)
-        halved(self.grid, sums)
-        sums *= np.float32(0.125)
-        return sums
+    def runs(self) -> tuple[Float32Array, Float32Array]:
+        """(layers, w, d) bottoms and tops of the runs of each column, see :mod:`packenv.geometry.run_kernels`."""
+        shape = (max(most_runs(self.grid), 1), *self.grid.shape[:2])
+        low, high = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+        find_runs(self.grid, low, high)
+        return low, high
 
     @property
     def count(self) -> int:

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from trimesh.exchange.binvox import export_binvox
 
-from benchmarks.nesting import METHODS, loaded, read_instances
+from benchmarks.nesting import METHODS, loaded, put_down, read_instances
 
 
 @pytest.fixture
@@ -38,11 +38,45 @@ def test_instances_are_read(folder: Path) -> None:
     assert [piece.grid.count for piece in instance.pieces] == [90, 90, 36]
 
 
-def test_loaded_pieces_overlap_nothing(folder: Path) -> None:
+def lowest(full: np.ndarray, grid: np.ndarray, x: int, y: int) -> int:
+    """The least z that a grid comes to at (x, y), straight down onto voxels."""
+    w, d, h = grid.shape
+    met = [z for z in range(30) if (full[x : x + w, y : y + d, z : z + h] & grid).any()]
+    return max(met, default=-1) + 1
+
+
+@pytest.mark.parametrize("corner", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
+def test_a_piece_comes_to_lie_as_low_as_it_can(folder: Path, corner: tuple[int, int]) -> None:
+    """Place by place: nothing overlaps on the way down, one voxel lower something does."""
     instance = read_instances(folder)["arches"]
-    height, places = loaded(instance, [0, 1, 2])
+    arch, _, bar = instance.pieces
+    heights = np.random.default_rng(0).integers(0, 5, instance.floor).astype(np.float32)
+    for piece in (arch, bar, arch):
+        grid = piece.grid.grid
+        w, d, h = grid.shape
+        full = np.arange(40) < heights[:, :, None]
+
+        spots = [(x, y) for x in range(heights.shape[0] - w + 1) for y in range(heights.shape[1] - d + 1)]
+        place, before = np.zeros(3, dtype=np.int64), heights.copy()
+        put_down(heights, *piece.columns, np.array(corner), place)
+        x, y, z = place.tolist()
+        assert z == lowest(full, grid, x, y)
+        best = min(
+            2 * lowest(full, grid, *spot) + corner[0] * spot[0] + corner[1] * spot[1] for spot in spots
+        )
+        assert 2 * z + corner[0] * x + corner[1] * y == best
+        full[x : x + w, y : y + d, z : z + h] |= grid
+        tops = 40 - full[:, :, ::-1].argmax(axis=2)
+        assert np.array_equal(heights, np.where(full.any(axis=2), tops, before))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_loaded_pieces_overlap_nothing(folder: Path, seed: int) -> None:
+    instance = read_instances(folder)["arches"]
+    rng = np.random.default_rng(seed)
+    height, places = loaded(instance, rng.permutation(3).tolist(), rng.choice([-1, 1], (3, 2)))
     whole = np.zeros((*instance.floor, height), dtype=int)
-    for piece, (x, y, z) in zip(instance.pieces, places, strict=True):
+    for piece, (x, y, z) in zip(instance.pieces, places.tolist(), strict=True):
         w, d, h = piece.grid.grid.shape
         whole[x : x + w, y : y + d, z : z + h] += piece.grid.grid
     assert whole.max() == 1

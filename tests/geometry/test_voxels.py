@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings, strategies as st
 
 from packenv.geometry.collision import Posed, overlap_depth, solid_of, winding_number
-from packenv.geometry.voxel_kernels import add_weighted, shared, shared_along
+from packenv.geometry.run_kernels import shared
+from packenv.geometry.run_table import RunTable
 from packenv.geometry.voxels import Voxels, voxelize
 from packenv.items.catalogue import open_catalogue
 from packenv.types import Item, Pose
@@ -44,13 +43,14 @@ def test_what_shares_no_voxel_does_not_overlap(a: Item, b: Item, seed: int) -> N
     rotations = random_rotation(seed), random_rotation(seed + 1)
     first, second = (voxelize(*pair, PITCH) for pair in zip((a, b), rotations, strict=True))
     rng = np.random.default_rng(seed)
-    zero = np.zeros(3, dtype=np.int64)
+    zero, table = np.zeros(3, dtype=np.int64), RunTable()
+    own, other = table.of(first), table.of(second)
     for _ in range(6):
         # Around first contact, where the answer is in doubt.
         direction = rng.normal(size=3)
         direction *= 0.4 / np.linalg.norm(direction) / PITCH
         steps = np.rint(np.linspace(0.0, 1.0, 120)[:, None] * direction).astype(np.int64)
-        at = next(step for step in steps if not shared(first.grid, zero, second.grid, step))
+        at = next(step for step in steps if not shared(*table.arrays, own, 0, 0, 0, other, step))
         assert overlap_depth(posed(a, rotations[0], zero), posed(b, rotations[1], at)) == 0.0
 
 
@@ -99,29 +99,6 @@ def test_a_cup_stays_open_and_a_hollow_ball_is_full() -> None:
     shell.faces[len(shell.faces) // 2 :] = shell.faces[len(shell.faces) // 2 :, ::-1]
     hollow = voxelize(as_item(trimesh.Trimesh(shell.vertices, shell.faces, process=False)), np.eye(3), PITCH)
     assert hollow.grid[tuple(n // 2 for n in hollow.grid.shape)]
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.integers(0, 10_000))
-def test_kernels_count_what_numpy_counts(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    a, b = (rng.random(rng.integers(1, 9, 3)) < rng.choice([0.3, 0.8]) for _ in range(2))
-    at_b = rng.integers(0, 8, 3)
-    whole = np.zeros((24, 24, 24), dtype=np.int64)
-    add_weighted(whole, b, *at_b.tolist(), 1)
-    assert whole.sum() == b.sum()
-
-    def counted(at: np.ndarray) -> int:
-        (x, y, z), (w, d, h) = at.tolist(), a.shape
-        return int(whole[x : x + w, y : y + d, z : z + h][a].sum())
-
-    at_a = rng.integers(0, 12, 3)
-    assert shared(a, at_a, b, at_b) == counted(at_a)
-    for axis, n in itertools.product(range(3), (1, 13)):
-        counts = np.empty(n, dtype=np.int64)
-        shared_along(a, at_a, b, at_b, axis, counts)
-        line = [np.array([k if q == axis else at_a[q] for q in range(3)]) for k in range(n)]
-        assert counts.tolist() == [counted(at) for at in line]
 
 
 def test_count_is_the_number_of_voxels() -> None:

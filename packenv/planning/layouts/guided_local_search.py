@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packenv.geometry.voxel_kernels import shared_along
+from packenv.geometry.run_kernels import costs_along
 from packenv.planning.layouts.effort import Effort
 from packenv.planning.layouts.layout import Arrangement, Layout, WillDo, without_overlap
 from packenv.types import FloatArray, IntArray
@@ -166,11 +166,9 @@ class GuidedLocalSearch:
         self, arrangement: Arrangement, piece: int, kind: int, at: IntArray, axis: int, penalties: FloatArray
     ) -> FloatArray:
         """The objective's share of a piece at every place on a line through ``at`` along an axis."""
-        own, n = arrangement.voxels(piece, kind).grid, arrangement.places(piece, kind)[axis]
-        costs, counts = np.zeros(n), np.empty(n, dtype=np.int64)
-        for other, grid, there in arrangement.others(piece):
-            shared_along(own, at, grid, there, axis, counts)
-            costs += counts
-            if penalties[other]:
-                costs += penalties[other] * (counts > 0)
+        costs = np.empty(arrangement.places(piece, kind)[axis])
+        # An orientation that is new may make the table longer: it is asked for before the table is.
+        own, (others, shapes, places) = arrangement.shape_of(piece, kind), arrangement.others(piece)
+        table = arrangement.runs.arrays
+        costs_along(*table, own, at, shapes, places, penalties[others], axis, costs)
         return costs

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from packenv.geometry.voxel_kernels import add_weighted, shared
+from packenv.geometry.run_kernels import shared_with_each
+from packenv.geometry.run_table import RunTable
 from packenv.geometry.voxels import Voxels, voxelize, voxels_across
-from packenv.types import BoolArray, Container, Float32Array, FloatArray, IntArray, Item, OrientedItem
+from packenv.types import BoolArray, Container, IntArray, Item, OrientedItem
 
 VOXELS = 480_000
 """About so many voxels a box is divided into: of 4 mm in the paper's box."""
@@ -93,6 +94,7 @@ class Arrangement:
         size: of the box, m.
         pitch: side of a voxel, m.
         fixed: (nx, ny, nz) bool, voxels that are taken already; None where there are none.
+        runs: the voxels of the pieces as runs; another arrangement's may be given.
         shape: voxels of the box along x, y and z.
         kinds: (n,) the orientation of each piece; -1 while it is nowhere.
         at: (n, 3) the voxel at which each begins.
@@ -105,11 +107,14 @@ class Arrangement:
     size: tuple[float, float, float]
     pitch: float
     fixed: BoolArray | None = None
+    runs: RunTable = field(default_factory=RunTable)
     shape: tuple[int, int, int] = field(init=False)
     kinds: IntArray = field(init=False)
     at: IntArray = field(init=False)
     overlaps: IntArray = field(init=False)
     below: BoolArray = field(init=False)
+    _numbers: IntArray = field(init=False)
+    _fixed: Voxels | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         n = len(self.pieces)
@@ -117,6 +122,8 @@ class Arrangement:
         self.kinds, self.at = np.full(n, -1, dtype=np.int64), np.zeros((n, 3), dtype=np.int64)
         self.overlaps = np.zeros((n + 1, n + 1), dtype=np.int64)
         self.below = np.zeros((n + 1, n + 1), dtype=np.bool_)
+        most = max((len(piece.orientations) for piece in self.pieces), default=0)
+        self._numbers = np.full((n, most, 4), -1, dtype=np.int64)
 
     @property
     def layout(self) -> Layout:
@@ -142,26 +149,37 @@ class Arrangement:
         """Number of places of a piece at an orientation along x, y and z."""
         return self.pieces[piece].voxels(kind, self.pitch).places(self.size)
 
-    def others(self, piece: int) -> Iterable[tuple[int, BoolArray, IntArray]]:
-        """Number, voxels and place of each other piece that is somewhere, and of what is fixed.
+    def shape_of(self, piece: int, kind: int, sides: int = 0) -> int:
+        """Number of the shape that a piece has at an orientation; sides: 1 with what is above, 2 with what is below."""
+        found = int(self._numbers[piece, kind, sides])
+        if found < 0:
+            found = self.runs.of(self.voxels(piece, kind), bool(sides & 1), bool(sides & 2))
+            self._numbers[piece, kind, sides] = found
+        return found
+
+    def others(self, piece: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Numbers (m,), shapes (m,) and places (m, 3) of all other pieces that are somewhere, and of what is fixed.
 
         A piece that must be below another one, or above it, finds taken what is straight above that one, or below.
         """
-        for other in np.flatnonzero(self.kinds >= 0).tolist():
-            if other == piece:
-                continue
-            grid, at = self.voxels(other).grid, self.at[other]
-            if self.below[piece, other]:
-                room = self.shape[2] - int(at[2]) - grid.shape[2]
-                up = np.maximum.accumulate(grid, axis=2)
-                grid = np.concatenate([up, np.repeat(up[:, :, -1:], room, axis=2)], axis=2)
-            if self.below[other, piece]:
-                down = np.maximum.accumulate(grid[:, :, ::-1], axis=2)[:, :, ::-1]
-                base = np.repeat(down[:, :, :1], int(at[2]), axis=2)
-                grid, at = np.concatenate([base, down], axis=2), at * (1, 1, 0)
-            yield other, grid, at
-        if self.fixed is not None:
-            yield len(self.pieces), self.fixed, np.zeros(3, dtype=np.int64)
+        there = self.kinds >= 0
+        there[piece] = False
+        others = np.flatnonzero(there)
+        kinds = self.kinds[others]
+        sides = self.below[piece, others] + 2 * self.below[others, piece]
+        shapes, at = self._numbers[others, kinds, sides], self.at[others]
+        for k in np.flatnonzero(shapes < 0).tolist():
+            shapes[k] = self.shape_of(int(others[k]), int(kinds[k]), int(sides[k]))
+        if self.fixed is None:
+            return others, shapes, at
+        if self._fixed is None:
+            self._fixed = Voxels(self.fixed, np.multiply(self.shape, self.pitch), self.pitch)
+        number = self.runs.of(self._fixed)
+        return (
+            np.append(others, len(self.pieces)),
+            np.append(shapes, number),
+            np.vstack([at, np.zeros((1, 3), int)]),
+        )
 
     def keep_below(self, pairs: BoolArray) -> None:
         """Have pieces, by row, below others, by column, from now on: see :attr:`below`."""
@@ -169,25 +187,14 @@ class Arrangement:
         for piece in np.flatnonzero(pairs[:-1].any(axis=1)).tolist():
             self.move(piece, int(self.kinds[piece]), self.at[piece])
 
-    def costs_without(self, piece: int, weights: FloatArray) -> Float32Array:
-        """(nx, ny, nz) what each voxel of the box costs a piece.
-
-        Args:
-            piece: its number.
-            weights: (n + 1,) of a voxel of each other piece.
-        """
-        total = np.zeros(self.shape, dtype=np.float32)
-        for other, grid, at in self.others(piece):
-            add_weighted(total, grid, *at.tolist(), np.float32(weights[other]))
-        return total
-
     def move(self, piece: int, kind: int, at: Sequence[int] | IntArray) -> None:
         """Put a piece somewhere."""
         self.kinds[piece], self.at[piece] = kind, at
-        own = self.voxels(piece).grid
         row = np.zeros(len(self.pieces) + 1, dtype=np.int64)
-        for other, grid, there in self.others(piece):
-            row[other] = shared(own, self.at[piece], grid, there)
+        own, (others, shapes, places) = self.shape_of(piece, kind), self.others(piece)
+        counts = np.empty(len(others), dtype=np.int64)
+        shared_with_each(*self.runs.arrays, own, self.at[piece], shapes, places, counts)
+        row[others] = counts
         self.overlaps[piece] = self.overlaps[:, piece] = row
 
     def restore(self, layout: Layout) -> None:

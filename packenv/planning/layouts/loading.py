@@ -20,7 +20,10 @@ def blocking(arrangement: Arrangement) -> BoolArray:
     """
     n = len(arrangement.pieces)
     found = np.zeros((n + 1, n + 1), dtype=np.bool_)
-    maps = {k: _extremes(grid, at) for k, grid, at in arrangement.others(-1)}
+    there = np.flatnonzero(arrangement.kinds >= 0).tolist()
+    maps = {k: _extremes(arrangement.voxels(k).grid, arrangement.at[k]) for k in there}
+    if arrangement.fixed is not None:
+        maps[n] = _extremes(arrangement.fixed, np.zeros(3, dtype=np.int64))
     for i, (low_i, top, _) in maps.items():
         for j, (low_j, _, bottom) in maps.items():
             if i == j or j == n:
