@@ -184,7 +184,7 @@ def main() -> int:
     """Run, resume, print the summary."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--catalogue", default="builtin")
-    parser.add_argument("--container", default="0.60x0.40x0.32")
+    parser.add_argument("--container", default="0.80x0.60x0.40")
     parser.add_argument("--orders", type=int, default=10, help="how many (default: %(default)s)")
     parser.add_argument("--size", type=int, default=60, help="items of an order (default: %(default)s)")
     parser.add_argument("--smallest", type=int, default=30, help="items of a pile (default: %(default)s)")
