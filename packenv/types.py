@@ -508,8 +508,8 @@ class Plan:
         order: the order's lines.
         meshes: the mesh of every item of the order, by item name.
         made_by: ``planner``; ``agent``, an episode of the environment; the rule of ``auto`` whose plan it is; the
-            method whose layout it is; or after a rehearsal how the plan was made that it chose
-            (docs/plan-format.md).
+            method whose layout it is; ``search`` where items have heuristics of their own; or after a rehearsal
+            how the plan was made that it chose (docs/plan-format.md).
         items: the items themselves, by name, where they were at hand when the plan was made or read; they are
             in no file.
         source: the file that it came from, for messages; None for a plan that was just made.

@@ -214,14 +214,15 @@ def trilinear(points, origin, h, distance, band, values):  # type: ignore[no-unt
 
 @compiled
 def distance_bounds(x, y, z, origin, h, distance, reach):  # type: ignore[no-untyped-def]
-    """Whether the point may be within ``reach`` of the surface, and an upper bound of its distance, m.
+    """Whether the point may be within ``reach`` of the surface, and a bound, m.
 
-    Both are sound: a node's distance differs from the point's by at most the way between them.
+    The bound is an upper one of its distance where it may be near, else the way that it can go and still not be
+    within ``reach``. Both are sound: a node's distance differs from the point's by at most the way between them.
     """
     gx, gy, gz = (x - origin[0]) / h, (y - origin[1]) / h, (z - origin[2]) / h
     na, nb, nc = distance.shape
     if not (0.0 <= gx < na - 1 and 0.0 <= gy < nb - 1 and 0.0 <= gz < nc - 1):
-        return False, reach
+        return False, 0.0
     i, j, k = int(gx), int(gy), int(gz)
     u, v, w = gx - i, gy - j, gz - k
     # The nearest node first: it alone excludes most points.
@@ -229,14 +230,15 @@ def distance_bounds(x, y, z, origin, h, distance, reach):  # type: ignore[no-unt
     way = math.sqrt((u - di) ** 2 + (v - dj) ** 2 + (w - dk) ** 2) * h
     known = abs(distance[i + di, j + dj, k + dk])
     if known - way > reach:
-        return False, reach
+        return False, known - way - reach
     upper = min(reach, known + way)
     for di in range(2):
         for dj in range(2):
             for dk in range(2):
                 way = math.sqrt((u - di) ** 2 + (v - dj) ** 2 + (w - dk) ** 2) * h
-                if abs(distance[i + di, j + dj, k + dk]) - way > reach:
-                    return False, reach
+                far = abs(distance[i + di, j + dj, k + dk]) - way - reach
+                if far > 0.0:
+                    return False, far
     return True, upper
 
 
@@ -274,6 +276,35 @@ def _box_distance(x, y, z, boxes, b):  # type: ignore[no-untyped-def]
     dy = max(boxes[b, 1] - y, 0.0, y - boxes[b, 4])
     dz = max(boxes[b, 2] - z, 0.0, z - boxes[b, 5])
     return dx * dx + dy * dy + dz * dz
+
+
+@compiled
+def any_within(x, y, z, reach, boxes, stack):  # type: ignore[no-untyped-def]
+    """Whether some leaf's box is within ``reach`` of a point: where none is, no face is.
+
+    Args:
+        x: of the point, m.
+        y: likewise.
+        z: likewise.
+        reach: m.
+        boxes: from :func:`fill_boxes`.
+        stack: (64,) int64, scratch.
+    """
+    leaves = (len(boxes) + 1) // 2
+    limit = reach * reach
+    depth = 1
+    stack[0] = 0
+    while depth > 0:
+        depth -= 1
+        b = stack[depth]
+        if _box_distance(x, y, z, boxes, b) > limit:
+            continue
+        if b >= leaves - 1:
+            return True
+        stack[depth] = 2 * b + 2
+        stack[depth + 1] = 2 * b + 1
+        depth += 2
+    return False
 
 
 @compiled

@@ -7,6 +7,7 @@ chains, so the plan does not depend on how many processes they run in.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -16,14 +17,14 @@ import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.chain_workers import OneProcess, Processes, Team
-from packenv.planning.chains import Chain, Round, RoundEnd, Start
+from packenv.planning.chains import Chain, Round, RoundEnd, Start, lower
 from packenv.planning.deadline import Deadline
 from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
 from packenv.planning.portfolio import Portfolio, goal
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
-from packenv.planning.trails import Trails, single_passes
+from packenv.planning.trails import Trails, Turn, single_passes
 from packenv.types import Container, Leftover
 
 CHAINS = 4
@@ -272,4 +273,11 @@ class _Walk:
         placed = Counter(order) & Counter(p.item for p in first)
         as_packed = (*(p.item for p in first), *(Counter(order) - placed).elements())
         rules = range(len(self.chains[0].trails.rules))
-        return [Start(names, k) for names in dict.fromkeys((tuple(order), as_packed)) for k in rules]
+        both = dict.fromkeys((tuple(order), as_packed))
+        return [Start(tuple(Turn(name, k) for name in names), self.ceiling) for names in both for k in rules]
+
+    @property
+    def ceiling(self) -> float:
+        """What further plans have to be below, m."""
+        best, aim = self.record.best, self.record.search.aim
+        return lower(best.height) if aim == "height" and best is not None and not best.lost else math.inf

@@ -6,14 +6,15 @@ runs. So the same rounds come out in one process and in several.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from packenv.planning.packing import Packing
-from packenv.planning.trails import Trail, Trails
+from packenv.planning.trails import Cost, Trail, Trails, Turn
 
 _STALE = 60
 """So many plans without a better one end a walk: it goes on from the best."""
@@ -24,16 +25,27 @@ _WORSE = 0.1
 _AGAIN = 0.3
 """Share of changes that are two changes at once."""
 
+_WHOLE = 0.5
+"""Share of changes of heuristic that change every piece's, and not that of one."""
+
+_LOWER = 0.01
+"""Share by which the next pile has to be lower."""
+
 _IDLE = 60
 """So many changes in a row that change nothing end a round."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """A sequence of item names and the index of a heuristic."""
+    """What a plan is made of.
 
-    sequence: tuple[str, ...]
-    rule: int
+    Attributes:
+        turns: what is packed, and how.
+        ceiling: no item's top is above it, m.
+    """
+
+    turns: tuple[Turn, ...]
+    ceiling: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,7 @@ class Improvement:
     """A plan that is better than all before it in its chain.
 
     Attributes:
-        start: makes it again.
+        start: what to go on from: its turns, and for the aim of a low pile a ceiling that is lower than this one.
         packing: the plan.
         cost: as :meth:`Trails.cost` has it.
         plans: how many plans the chain had made by then in this round, this one included.
@@ -64,7 +76,7 @@ class Improvement:
 
     start: Start
     packing: Packing
-    cost: tuple[int, float, float]
+    cost: Cost
     plans: int
 
 
@@ -79,6 +91,11 @@ class RoundEnd:
 
     plans: int
     idle: bool
+
+
+def lower(height: float) -> float:
+    """The ceiling for the next plan after one of this height, m."""
+    return height * (1.0 - _LOWER)
 
 
 class _OverError(Exception):
@@ -106,6 +123,10 @@ class Chain:
     _best: Trail | None = field(default=None, init=False)
     _figures: tuple[float, ...] = field(default=(), init=False)
     _stale: int = field(default=0, init=False)
+    _told: Cost | None = field(default=None, init=False)
+    _begin: list[Start] = field(default_factory=list, init=False)
+    _kept: Trail | None = field(default=None, init=False)
+    _ceiling: float = field(default=math.inf, init=False)
 
     def __post_init__(self) -> None:
         self._rng = np.random.default_rng(self.seed)
@@ -118,42 +139,80 @@ class Chain:
             if self.clock() > task.end:
                 raise _OverError
 
-        begin = list(task.begin)
+        self._begin += task.begin
         try:
             while plans < task.plans and idle < _IDLE:
                 in_time()
-                given = begin.pop(0) if begin else None
-                start = given or self._changed()
-                if start is None:
+                given = self._begin.pop(0) if self._begin else None
+                if given is not None and given.ceiling > self._ceiling:
+                    continue
+                if given is not None and given.ceiling < self._ceiling:
+                    self._lower(given.ceiling)
+                turns = self._changed() if given is None else given.turns
+                if turns is None:
                     idle += 1
                     continue
                 idle = 0
-                trail = self.trails.trail(start.sequence, start.rule, self._current, in_time)
+                risky = self._rng.random() < _WORSE
+                limit = self._limit(given=given is not None, risky=risky)
+                trail = self.trails.trail(turns, self._current or self._kept, in_time, limit)
                 plans += 1
-                if (told := self._improvement(start, trail, plans)) is not None:
+                if not trail.finished:
+                    self._aged(better=False)
+                    continue
+                if (told := self._improvement(trail, plans)) is not None:
                     yield told
                     if self.enough(told.packing):
                         break
-                self._walk_on(trail, begins=given is not None)
+                    if told.start.ceiling < self._ceiling:
+                        self._kept = self.trails.kept(trail, told.start.ceiling)
+                        self._begin.insert(0, told.start)
+                        continue
+                self._walk_on(trail, begins=given is not None, risky=risky)
         except _OverError:
             pass
         yield RoundEnd(plans, idle >= _IDLE)
 
-    def _improvement(self, start: Start, trail: Trail, plans: int) -> Improvement | None:
+    def _improvement(self, trail: Trail, plans: int) -> Improvement | None:
         """What is to be told of a plan; None where it is neither better nor cheaper than all before."""
         cost, packing = self.trails.cost(trail), self.trails.packing(trail)
         figures = self.better(packing)
-        if self._best is not None and figures <= self._figures and cost >= self.trails.cost(self._best):
+        if self._told is not None and figures <= self._figures and cost >= self._told:
             return None
         self._figures = max(figures, self._figures)
-        return Improvement(start, packing, cost, plans)
+        self._told = cost if self._told is None else min(cost, self._told)
+        whole = self.trails.aim == "height" and not cost[0]
+        ceiling = lower(cost[2]) if whole else self._ceiling
+        return Improvement(Start(trail.turns, ceiling), packing, cost, plans)
 
-    def _walk_on(self, trail: Trail, *, begins: bool) -> None:
+    def _lower(self, ceiling: float) -> None:
+        """Go on under a lower ceiling, where no plan is known yet."""
+        self._ceiling, self.trails = ceiling, self.trails.under(ceiling)
+        self._current = self._best = None
+        self._kept = None if self._kept is None else self.trails.kept(self._kept, ceiling)
+        self._stale = 0
+
+    def _limit(self, *, given: bool, risky: bool) -> Callable[[Cost], bool]:
+        """Which cost ends a plan early: one that is not walked on from.
+
+        Args:
+            given: the plan is, so it is made whatever it costs.
+            risky: a worse plan is walked on from.
+        """
+        if given or self._current is None:
+            return lambda cost: False
+        now = self.trails.cost(self._current)
+        if risky:
+            return lambda cost: cost[0] > now[0] + 1
+        return lambda cost: cost > now
+
+    def _walk_on(self, trail: Trail, *, begins: bool, risky: bool) -> None:
         """Go on from a plan that is not worse, now and then from one that is, and from the best if all is stale.
 
         Args:
             trail: the plan.
             begins: it was given, not found by a change.
+            risky: one that is worse by one piece without a place is walked on from.
         """
         if self._current is None or self._best is None:
             self._current = self._best = trail
@@ -163,36 +222,42 @@ class Chain:
             if cost < self.trails.cost(self._best):
                 self._current = self._best = trail
             return
-        one_more = cost[0] <= now[0] + 1 and self._rng.random() < _WORSE
-        self._stale = 0 if cost < now else self._stale + 1
-        if cost <= now or one_more:
+        if cost <= now or (risky and cost[0] <= now[0] + 1):
             self._current = trail
         if cost < self.trails.cost(self._best):
             self._best = trail
+        self._aged(better=cost < now)
+
+    def _aged(self, *, better: bool) -> None:
+        """One more plan: after many that are no better the best is walked on from."""
+        self._stale = 0 if better else self._stale + 1
         if self._stale > _STALE:
             self._current, self._stale = self._best, 0
 
-    def _changed(self) -> Start | None:
-        """Another sequence or heuristic than the present ones; None where nothing changed."""
+    def _changed(self) -> tuple[Turn, ...] | None:
+        """Other turns than the present ones; None where nothing changed."""
         trail = self._current
         if trail is None:
             return None
-        names, rule, lost = list(trail.sequence), trail.rule, trail.lost
+        turns, lost = list(trail.turns), trail.lost
         for _ in range(2 if self._rng.random() < _AGAIN else 1):
-            draw, (i, j) = self._rng.random(), self._rng.integers(0, len(names), 2).tolist()
+            draw, (i, j) = self._rng.random(), self._rng.integers(0, len(turns), 2).tolist()
             if lost and draw < 0.5:
-                piece = int(self._rng.choice(lost))
-                before = self.trails.latest(trail, piece)
+                k = int(self._rng.choice(lost))
+                before = self.trails.latest(trail, k)
                 if before is None:
                     return None
                 before = before if self._rng.random() < 0.5 else int(self._rng.integers(0, before + 1))
-                names.insert(before, names.pop(piece))
+                turns.insert(before, turns.pop(k))
                 lost = []
             elif draw < 0.7:
-                names[i], names[j] = names[j], names[i]
+                turns[i], turns[j] = turns[j], turns[i]
             elif draw < 0.85:
-                names.insert(j, names.pop(i))
+                turns.insert(j, turns.pop(i))
             else:
                 rule = int(self._rng.integers(len(self.trails.rules)))
-        found = Start(tuple(names), rule)
-        return None if found == Start(trail.sequence, trail.rule) else found
+                whole = self._rng.random() < _WHOLE
+                for k in range(len(turns)) if whole else (i,):
+                    turns[k] = replace(turns[k], rule=rule)
+        found = tuple(turns)
+        return None if found == trail.turns else found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +29,7 @@ from packenv.planning.search.places import ExactPlaces
 from packenv.planning.sequence import PackingSequence, Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
-from packenv.types import Container, FloatArray, Item, Leftover, OrientedItem, Placement
+from packenv.types import Container, FloatArray, IntArray, Item, Leftover, OrientedItem, Placement
 
 Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 """Item name to its orientations, one group for each roll and pitch offset, the unperturbed ones first."""
@@ -36,6 +37,9 @@ Perturbations: TypeAlias = Callable[[str], Iterable[Sequence[OrientedItem]]]
 _UNUSABLE = "no-usable-orientation"
 _OBJECTED = {TOO_HEAVY: TOO_HEAVY, NO_GRASP: "no-graspable-spot"}
 """Reasons of leftovers all of whose orientations meet with one objection."""
+
+_SINKS = 0.03
+"""By so much items mostly come lower at most than the heightmaps say, m."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -63,6 +67,7 @@ class PassRules:
         places: whether places off the grid are candidates, too.
         admission: which items a box takes at all.
         only: rotations, as bytes, of items that are tried at some orientations alone.
+        ceiling: no item's top is placed above it, m.
     """
 
     heuristic: Heuristic
@@ -79,6 +84,7 @@ class PassRules:
     places: Places = "grid"
     admission: Admission = field(default_factory=Admission)
     only: Mapping[str, frozenset[bytes]] = field(default_factory=dict)
+    ceiling: float = math.inf
 
     def __post_init__(self) -> None:
         """Check.
@@ -249,7 +255,7 @@ class PackingPass:
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
             scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
-            worth = np.flatnonzero(inquiry.screened(candidates))
+            worth = self.worth_asking(candidates, inquiry)
             candidates, scores = candidates.only(worth), scores[worth]
             if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
                 finder = ExactPlaces(planner.heuristic, self.rng)
@@ -261,11 +267,18 @@ class PackingPass:
                     planner.grid.step_cells,
                     self.most(tier),
                 )
-                worth = np.flatnonzero(inquiry.screened(candidates))
+                worth = self.worth_asking(candidates, inquiry)
                 candidates, scores = candidates.only(worth), scores[worth]
             if len(candidates) and self.among(candidates, scores, tier, piece, route, inquiry):
                 return None
         return inquiry.rejections
+
+    def worth_asking(self, candidates: Candidates, inquiry: Inquiry) -> IntArray:
+        """Indices of the candidates that no constraint refuses at sight, and that may come below the ceiling."""
+        open_ = inquiry.screened(candidates)
+        if self.planner.ceiling < math.inf:
+            open_ &= candidates.z + candidates.extents[:, 2] <= self.planner.ceiling + _SINKS
+        return np.flatnonzero(open_)
 
     def among(
         self,
@@ -296,6 +309,8 @@ class PackingPass:
             to_check = in_tier(candidates, scores, tier, self.most(tier), free)
         for index in to_check:
             trial = candidates.trial(index)
+            if trial.z + float(trial.oriented.extents[2]) > planner.ceiling:
+                continue
             answer = inquiry.ask(trial, rules)
             if not answer.ok:
                 continue

@@ -1,14 +1,16 @@
 """Plans that share their beginnings: what a search for better sequences packs.
 
-A plan is made of a sequence of items and one heuristic. Two plans whose sequences begin alike share that beginning:
-each step of a *trail* keeps the pile that it left, so only what comes after the first difference is packed again.
+A plan is made of a sequence of items and a heuristic for each of them. Two plans that begin alike share that
+beginning: each step of a *trail* keeps the pile that it left, so only what comes after the first difference is packed
+again. And a plan that becomes worse than another one can be given up on the way, for no later step makes up for it.
 
 A trail tries stable poses alone: what the fallback knows is in the plan that the search begins with.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from packenv.geometry.prepare import PreparedItem
@@ -21,6 +23,24 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.sequence import Piece, pieces_of
 from packenv.planning.tiers import Strategy
 from packenv.types import Container, Leftover, Placement
+
+SEVERAL = "search"
+"""What made a plan whose items were placed by several heuristics."""
+Cost = tuple[int, float, float]
+"""What is to be small, see :meth:`Trails.cost`."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One piece in the sequence of a plan.
+
+    Attributes:
+        item: its name.
+        rule: index of the heuristic that places it.
+    """
+
+    item: str
+    rule: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +63,21 @@ class Trail:
     """A plan with the pile of every step.
 
     Attributes:
-        sequence: item names.
-        rule: index of the heuristic.
-        steps: one for each name.
+        turns: what is packed, and how.
+        steps: one for each turn; fewer in a plan that was given up.
     """
 
-    sequence: tuple[str, ...]
-    rule: int
+    turns: tuple[Turn, ...]
     steps: tuple[Step, ...]
 
     @property
+    def finished(self) -> bool:
+        """Whether no turn is left."""
+        return len(self.steps) == len(self.turns)
+
+    @property
     def lost(self) -> list[int]:
-        """Places in the sequence of the pieces without a place."""
+        """Turns of the pieces without a place."""
         return [k for k, step in enumerate(self.steps) if step.leftover is not None]
 
     @property
@@ -81,30 +104,43 @@ class Trails:
     start: Pile | None
     aim: Goal = "items"
 
+    def under(self, ceiling: float) -> Trails:
+        """The same, with no item's top above a height, m."""
+        return replace(self, rules=[replace(rules, ceiling=ceiling) for rules in self.rules])
+
+    def kept(self, trail: Trail, ceiling: float) -> Trail:
+        """The beginning of a plan that is the same under a lower ceiling: until a piece is above it, or lost."""
+        tops = (math.inf if step.leftover else _top(step.run.placements) for step in trail.steps)
+        count = next((k for k, top in enumerate(tops) if top > ceiling), len(trail.steps))
+        return Trail(trail.turns, trail.steps[:count])
+
     def trail(
         self,
-        sequence: tuple[str, ...],
-        rule: int,
+        turns: tuple[Turn, ...],
         parent: Trail | None = None,
         before_step: Callable[[], None] = lambda: None,
+        give_up: Callable[[Cost], bool] = lambda cost: False,
     ) -> Trail:
         """Pack a sequence; what it shares with its parent's beginning is taken from there.
 
         Args:
-            sequence: item names.
-            rule: index of the heuristic.
-            parent: another trail of the same pieces.
+            turns: what to pack, and how.
+            parent: another trail of the same pieces, or the beginning of one.
             before_step: is called before each piece that is packed, and may raise.
+            give_up: whether a plan is given up whose cost is at least this; asked after each piece.
         """
         shared = 0
-        if parent is not None and parent.rule == rule:
-            pairs = zip(sequence, parent.sequence, strict=True)
-            shared = next((k for k, (a, b) in enumerate(pairs) if a != b), len(sequence))
+        if parent is not None:
+            pairs = enumerate(zip(turns, parent.turns, strict=True))
+            shared = next((k for k, (a, b) in pairs if a != b), len(turns))
         steps = list(parent.steps[:shared]) if parent is not None else []
-        for piece in pieces_of(sequence)[shared:]:
+        pieces = pieces_of(turn.item for turn in turns)
+        for piece, turn in list(zip(pieces, turns, strict=True))[len(steps) :]:
             before_step()
-            steps.append(self.step(piece, rule, steps[-1].pile if steps else self.start))
-        return Trail(sequence, rule, tuple(steps))
+            steps.append(self.step(piece, turn.rule, steps[-1].pile if steps else self.start))
+            if give_up(self.cost(Trail(turns, tuple(steps)))):
+                break
+        return Trail(turns, tuple(steps))
 
     def step(self, piece: Piece, rule: int, pile: Pile | None) -> Step:
         """One piece more."""
@@ -120,12 +156,12 @@ class Trails:
         return Step(run, replace(run.pile, held=held), None)
 
     def latest(self, trail: Trail, lost: int) -> int | None:
-        """The latest step before which a lost piece has a place; None where it has none in the empty container."""
-        name, rule = trail.sequence[lost], trail.rule
+        """The latest turn before which a lost piece has a place; None where it has none in the empty container."""
+        piece, rule = Piece(trail.turns[lost].item, 1), trail.turns[lost].rule
 
         def fits(before: int) -> bool:
             pile = trail.steps[before - 1].pile if before else self.start
-            return self.step(Piece(name, 1), rule, pile).leftover is None
+            return self.step(piece, rule, pile).leftover is None
 
         if not fits(0):
             return None
@@ -135,16 +171,17 @@ class Trails:
             low, high = (middle, high) if fits(middle) else (low, middle)
         return low
 
-    def cost(self, trail: Trail) -> tuple[int, float, float]:
+    def cost(self, trail: Trail) -> Cost:
         """What is to be small: the pieces without a place, the volume of their boxes, m³, then what the aim is.
 
-        That is the height of the pile, m, or the least margin, degrees, with its sign turned.
+        That is the height of the pile, m, or the least margin, degrees, with its sign turned. None of the three gets
+        smaller with a further step.
         """
         lost, placed = trail.lost, trail.placements
-        volume = sum(self.items[trail.sequence[k]].box_volume for k in lost)
+        volume = sum(self.items[trail.turns[k].item].box_volume for k in lost)
         if self.aim == "robust":
             return len(lost), volume, -least_margin(placed)
-        return len(lost), volume, max((float(p.corner[2] + p.extents[2]) for p in placed), default=0.0)
+        return len(lost), volume, _top(placed)
 
     def packing(self, trail: Trail) -> Packing:
         """A trail as the planner's result."""
@@ -160,8 +197,18 @@ class Trails:
             volume / self.container.volume,
             tuple(name for run in runs for name in run.makeshift),
             sum(run.risk for run in runs),
-            name_of(self.rules[trail.rule].heuristic),
+            self.made_by(trail),
         )
+
+    def made_by(self, trail: Trail) -> str:
+        """The heuristic of all pieces, or that they have several."""
+        names = {name_of(self.rules[turn.rule].heuristic) for turn in trail.turns}
+        return names.pop() if len(names) == 1 else SEVERAL
+
+
+def _top(placements: Iterable[Placement]) -> float:
+    """Height of a pile, m."""
+    return max((float(p.corner[2] + p.extents[2]) for p in placements), default=0.0)
 
 
 def single_passes(members: Sequence[Planner]) -> Iterator[PassRules]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,12 +18,12 @@ from packenv.planning.anytime import Anytime, Budget
 from packenv.planning.assembly import assemble, packer
 from packenv.planning.chain_workers import Processes
 from packenv.planning.deadline import Deadline
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import Goal, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import by_box_volume
 from packenv.planning.portfolio import Portfolio, least_margin
 from packenv.planning.sequence import Piece
-from packenv.planning.trails import Trail, Trails, single_passes
+from packenv.planning.trails import SEVERAL, Trail, Trails, Turn, single_passes
 from packenv.types import Container
 from packenv.watcher import Watcher
 from tests.shapes import box, cup
@@ -47,6 +48,10 @@ def trails_of(options: PlanOptions) -> tuple[Trails, list[str]]:
     return Trails(rules, shelf.prepared, BOX, None), by_box_volume(NAMES, shelf.prepared)
 
 
+def turns(sequence: Sequence[str], rule: int) -> tuple[Turn, ...]:
+    return tuple(Turn(name, rule) for name in sequence)
+
+
 def places(trail: Trail) -> list[tuple[str, bytes, bytes] | None]:
     return [
         None if step.leftover else (p.item, p.rotation.tobytes(), p.position.tobytes())
@@ -59,12 +64,13 @@ def places(trail: Trail) -> list[tuple[str, bytes, bytes] | None]:
 def test_a_shared_beginning_changes_nothing(constraints: str) -> None:
     trails, sequence = trails_of(PlanOptions(constraints=constraints, plans=10**6, **WORDS))
     rng = np.random.default_rng(0)
-    parent = trails.trail(tuple(sequence), 1)
-    for _ in range(6):
-        names = list(parent.sequence)
-        i, j = rng.integers(0, len(names), 2).tolist()
-        names.insert(j, names.pop(i))
-        shared, alone = trails.trail(tuple(names), 1, parent), trails.trail(tuple(names), 1)
+    parent = trails.trail(turns(sequence, 1))
+    for rule in range(6):
+        changed = list(parent.turns)
+        i, j, k = rng.integers(0, len(changed), 3).tolist()
+        changed.insert(j, changed.pop(i))
+        changed[k] = replace(changed[k], rule=rule % len(trails.rules))
+        shared, alone = trails.trail(tuple(changed), parent), trails.trail(tuple(changed))
         assert places(shared) == places(alone)
         parent = shared
 
@@ -73,15 +79,51 @@ def test_the_latest_step_with_a_place_is_that_of_a_scan() -> None:
     trails, sequence = trails_of(
         PlanOptions(constraints="overlap", heuristic="hm", plans=10**6, places="grid", **WORDS)
     )
-    trail = trails.trail(tuple(sequence), 0)
+    trail = trails.trail(turns(sequence, 0))
     assert trail.lost
     for lost in trail.lost:
         piles = [None, *(step.pile for step in trail.steps[:lost])]
-        fits = [trails.step(Piece(trail.sequence[lost], 1), 0, pile).leftover is None for pile in piles]
+        fits = [trails.step(Piece(trail.turns[lost].item, 1), 0, pile).leftover is None for pile in piles]
         assert fits == sorted(fits, reverse=True)  # heights only grow
         assert trails.latest(trail, lost) == (
             max(k for k, fit in enumerate(fits) if fit) if fits[0] else None
         )
+
+
+@pytest.mark.parametrize("goal", ["items", "height", "robust"])
+def test_no_further_step_makes_up_for_a_cost(goal: Goal) -> None:
+    constraints = "stability" if goal == "robust" else "overlap"
+    trails, sequence = trails_of(PlanOptions(constraints=constraints, goal=goal, plans=10**6, **WORDS))
+    trail = trails.trail(turns(sequence, 0))
+    costs = [trails.cost(Trail(trail.turns, trail.steps[:k])) for k in range(len(sequence) + 1)]
+    assert costs == sorted(costs)
+    # So a plan that is given up as soon as its cost passes a limit is one whose whole cost does.
+    for limit in costs[1:]:
+        ended = trails.trail(trail.turns, give_up=lambda cost, limit=limit: cost > limit)  # type: ignore[misc]
+        passed = next((k for k, cost in enumerate(costs) if cost > limit), len(sequence))
+        assert len(ended.steps) == passed
+
+
+@pytest.mark.parametrize("constraints", ["overlap", "stability"])
+def test_a_beginning_below_a_ceiling_is_the_same_as_one_made_under_it(constraints: str) -> None:
+    trails, sequence = trails_of(PlanOptions(constraints=constraints, goal="height", plans=10**6, **WORDS))
+    for rule in range(4):
+        trail = trails.trail(turns(sequence, rule))
+        for ceiling in np.linspace(0.03, BOX.height, 5).tolist():
+            lower = trails.under(ceiling)
+            made = lower.trail(trail.turns)
+            assert all(float(p.corner[2] + p.extents[2]) <= ceiling for p in made.placements)
+            kept = trails.kept(trail, ceiling)
+            assert places(kept) == places(made)[: len(kept.steps)]
+            assert places(lower.trail(trail.turns, kept)) == places(made)
+
+
+def test_who_made_a_plan() -> None:
+    trails, sequence = trails_of(PlanOptions(constraints="overlap", plans=10**6, **WORDS))
+    alone = trails.trail(turns(sequence[:4], 0))
+    assert trails.packing(alone).made_by == "minz"
+    mixed = trails.trail((*alone.turns[:3], Turn(sequence[3], len(trails.rules) - 1)), alone)
+    assert trails.packing(mixed).made_by == SEVERAL
 
 
 @pytest.mark.parametrize("constraints", ["overlap", "stability", "robot"])

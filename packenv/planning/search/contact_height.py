@@ -97,11 +97,13 @@ class ExactPile:
     shapes: Mapping[str, Item]
     faces: tuple[FacesByCell, ...] = ()
     sides: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
-    _known: dict[tuple[bytes, int, int, tuple[float, float]], float] = field(default_factory=dict, repr=False)
+    _known: dict[tuple[str, bytes, int, int, tuple[float, float]], float] = field(
+        default_factory=dict, repr=False
+    )
 
     def lowest(self, heights: Float32Array, oriented: OrientedItem, ix: int, iy: int) -> float:
         """As :func:`contact_height`, each place once."""
-        place = (oriented.rotation.tobytes(), ix, iy, oriented.phase)
+        place = (oriented.item, oriented.rotation.tobytes(), ix, iy, oriented.phase)
         found = self._known.get(place)
         if found is None:
             whole = oriented.whole or oriented
@@ -228,15 +230,13 @@ def _by_cell(
     *,
     down: bool,
 ) -> FacesByCell:
-    corners, planes, boxes = (np.empty((len(faces), *own)) for own in ((3, 3), (3,), (6,)))
-    count = kernels.facing(points, faces, down, corners, planes, boxes)
-    corners, planes, boxes = corners[:count], planes[:count], boxes[:count]
+    chosen = np.empty(len(faces), np.int64)
+    chosen = chosen[: kernels.facing(points, faces, down, chosen)]
+    corners, planes, boxes = (np.empty((len(chosen), *own)) for own in ((3, 3), (3,), (6,)))
+    kernels.bounds_of_faces(points, faces, chosen, corners, planes, boxes)
     starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
-    # At most so many cells touch the boxes of the faces.
-    wide = np.floor((boxes[:, 3:5] - boxes[:, :2]) / cell) + 2.0
-    pairs = np.empty((int(wide.prod(axis=1).sum()), 2), dtype=np.int32)
     origin = first[0] * cell, first[1] * cell
-    entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts, pairs)
+    entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts)
     keys = boxes[:, 2] if down else -boxes[:, 5]
     first_keys = np.empty(shape[0] * shape[1])
     kernels.sort_cells(starts, entries, keys, first_keys)

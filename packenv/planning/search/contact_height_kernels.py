@@ -19,26 +19,8 @@ THINNEST = 1e-9
 
 
 @compiled
-def _touches(corners, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]
-    """Whether a triangle, seen from above, reaches into a rectangle."""
-    for k in range(3):
-        ax, ay = corners[k, 0], corners[k, 1]
-        m = (k + 1) % 3
-        nx, ny = corners[m, 1] - ay, ax - corners[m, 0]
-        opposite = nx * (corners[(k + 2) % 3, 0] - ax) + ny * (corners[(k + 2) % 3, 1] - ay)
-        if opposite < 0.0:
-            nx, ny = -nx, -ny
-        # The rectangle's corner that is farthest along the inward normal.
-        far_x = high_x if nx > 0.0 else low_x
-        far_y = high_y if ny > 0.0 else low_y
-        if nx * (far_x - ax) + ny * (far_y - ay) < 0.0:
-            return False
-    return True
-
-
-@compiled
 def cells_of_faces(  # type: ignore[no-untyped-def]
-    corners, boxes, origin_x, origin_y, cell, shape_x, shape_y, starts, pairs
+    corners, boxes, origin_x, origin_y, cell, shape_x, shape_y, starts
 ):  # fmt: skip
     """Which faces touch which cell.
 
@@ -51,25 +33,32 @@ def cells_of_faces(  # type: ignore[no-untyped-def]
         shape_x: number of cells along x.
         shape_y: likewise along y.
         starts: (cells + 1,) int64, filled: where each cell's faces begin in the result.
-        pairs: (n, 2) int32 work space, one row for each cell that the box of a face touches.
 
     Returns:
         (entries,) int32 indices of faces, cell by cell.
     """
     starts[:] = 0
     count = 0
+    pairs = np.empty((8 * len(corners) + 64, 2), dtype=np.int32)
+    inward = np.empty((3, 2))
     for f in range(corners.shape[0]):
-        box = boxes[f]
-        i0 = max(0, floor((box[0] - origin_x) / cell))
-        i1 = min(shape_x - 1, floor((box[3] - origin_x) / cell))
-        j0 = max(0, floor((box[1] - origin_y) / cell))
-        j1 = min(shape_y - 1, floor((box[4] - origin_y) / cell))
+        i0 = max(0, floor((boxes[f, 0] - origin_x) / cell))
+        i1 = min(shape_x - 1, floor((boxes[f, 3] - origin_x) / cell))
+        j0 = max(0, floor((boxes[f, 1] - origin_y) / cell))
+        j1 = min(shape_y - 1, floor((boxes[f, 4] - origin_y) / cell))
         small = i0 == i1 or j0 == j1
+        needed = count + max(0, i1 - i0 + 1) * max(0, j1 - j0 + 1)
+        if needed > len(pairs):
+            more = np.empty((2 * needed, 2), dtype=np.int32)
+            more[:count] = pairs[:count]
+            pairs = more
+        if not small:
+            _inward(corners, f, inward)
         for i in range(i0, i1 + 1):
             x = origin_x + i * cell
             for j in range(j0, j1 + 1):
                 y = origin_y + j * cell
-                if small or _touches(corners[f], x, y, x + cell, y + cell):
+                if small or _reaches(corners, f, inward, x, y, x + cell, y + cell):
                     k = i * shape_y + j
                     pairs[count, 0], pairs[count, 1] = k, f
                     starts[k + 1] += 1
@@ -83,6 +72,30 @@ def cells_of_faces(  # type: ignore[no-untyped-def]
         entries[at[k]] = pairs[p, 1]
         at[k] += 1
     return entries
+
+
+@compiled
+def _inward(corners, f, inward):  # type: ignore[no-untyped-def]
+    """Fill in the (3, 2) inward normals of a triangle's edges, seen from above."""
+    for k in range(3):
+        m, o = (k + 1) % 3, (k + 2) % 3
+        ax, ay = corners[f, k, 0], corners[f, k, 1]
+        nx, ny = corners[f, m, 1] - ay, ax - corners[f, m, 0]
+        flip = nx * (corners[f, o, 0] - ax) + ny * (corners[f, o, 1] - ay) < 0.0
+        inward[k, 0], inward[k, 1] = (-nx, -ny) if flip else (nx, ny)
+
+
+@compiled
+def _reaches(corners, f, inward, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]
+    """Whether a triangle, seen from above, reaches into a rectangle that its own box meets."""
+    for k in range(3):
+        nx, ny = inward[k, 0], inward[k, 1]
+        # The rectangle's corner that is farthest along the inward normal.
+        far_x = high_x if nx > 0.0 else low_x
+        far_y = high_y if ny > 0.0 else low_y
+        if nx * (far_x - corners[f, k, 0]) + ny * (far_y - corners[f, k, 1]) < 0.0:
+            return False
+    return True
 
 
 @compiled
@@ -158,40 +171,62 @@ def face_over_face(lower, x, y, upper, window, best, one, two):  # type: ignore[
 
 
 @compiled
-def facing(points, faces, down, corners, planes, boxes):  # type: ignore[no-untyped-def]
-    """The faces that look down, or up, and what bounds each without looking at its corners; upright ones are neither.
+def facing(points, faces, down, chosen):  # type: ignore[no-untyped-def]
+    """The faces that look down, or up; upright ones are neither.
 
     Args:
         points: (v, 3) m.
         faces: (m, 3) indices of points, counter-clockwise seen from outside.
         down: whether those that look down are meant.
-        corners: (m, 3, 3), the first of them filled, m.
-        planes: (m, 3), likewise: z = p0 + p1 x + p2 y on the face.
-        boxes: (m, 6), likewise: smallest x, y, z and largest x, y, z, m.
+        chosen: (m,) indices of faces, the first of them filled.
 
     Returns:
         How many faces there are.
     """
     found = 0
     for f in range(faces.shape[0]):
-        a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
-        bx, by, bz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        cx, cy, cz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        bx, by = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+        cx, cy = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1]
         area = bx * cy - by * cx
         if (area < 0.0) != down:
             continue
-        longest = max(hypot(bx, by), hypot(cx, cy), hypot(cx - bx, cy - by))
-        if not abs(area) > THINNEST * longest:
-            continue
-        corners[found, 0], corners[found, 1], corners[found, 2] = a, b, c
-        planes[found, 1] = (bz * cy - cz * by) / area
-        planes[found, 2] = (cz * bx - bz * cx) / area
-        planes[found, 0] = a[2] - planes[found, 1] * a[0] - planes[found, 2] * a[1]
-        for axis in range(3):
-            boxes[found, axis] = min(a[axis], b[axis], c[axis])
-            boxes[found, 3 + axis] = max(a[axis], b[axis], c[axis])
-        found += 1
+        # No edge is longer than these together, which take less time than the edges' lengths.
+        if abs(area) > THINNEST * (abs(bx) + abs(by) + abs(cx) + abs(cy)) or abs(area) > THINNEST * max(
+            hypot(bx, by), hypot(cx, cy), hypot(cx - bx, cy - by)
+        ):
+            chosen[found] = f
+            found += 1
     return found
+
+
+@compiled
+def bounds_of_faces(points, faces, chosen, corners, planes, boxes):  # type: ignore[no-untyped-def]
+    """What bounds each of some faces without looking at its corners.
+
+    Args:
+        points: (v, 3) m.
+        faces: (m, 3) indices of points.
+        chosen: (n,) indices of faces, none of them upright.
+        corners: (n, 3, 3) filled, m.
+        planes: (n, 3) filled: z = p0 + p1 x + p2 y on the face.
+        boxes: (n, 6) filled: smallest x, y, z and largest x, y, z, m.
+    """
+    for k in range(len(chosen)):
+        f = chosen[k]
+        for corner in range(3):
+            for axis in range(3):
+                corners[k, corner, axis] = points[faces[f, corner], axis]
+        for axis in range(3):
+            a, b, c = corners[k, 0, axis], corners[k, 1, axis], corners[k, 2, axis]
+            boxes[k, axis], boxes[k, 3 + axis] = min(a, b, c), max(a, b, c)
+        ax, ay, az = corners[k, 0, 0], corners[k, 0, 1], corners[k, 0, 2]
+        bx, by, bz = corners[k, 1, 0] - ax, corners[k, 1, 1] - ay, corners[k, 1, 2] - az
+        cx, cy, cz = corners[k, 2, 0] - ax, corners[k, 2, 1] - ay, corners[k, 2, 2] - az
+        area = bx * cy - by * cx
+        planes[k, 1] = (bz * cy - cz * by) / area
+        planes[k, 2] = (cz * bx - bz * cx) / area
+        planes[k, 0] = az - planes[k, 1] * ax - planes[k, 2] * ay
 
 
 @compiled
@@ -204,16 +239,23 @@ def sort_cells(starts, entries, keys, first):  # type: ignore[no-untyped-def]
         keys: (m,) of the faces.
         first: (cells,) smallest key of each cell, filled; infinite where it has no face.
     """
+    most = 0
     for k in range(starts.size - 1):
-        for a in range(starts[k] + 1, starts[k + 1]):
-            face = entries[a]
+        most = max(most, starts[k + 1] - starts[k])
+    own = np.empty(most)
+    for k in range(starts.size - 1):
+        s, n = starts[k], starts[k + 1] - starts[k]
+        for a in range(n):
+            face = entries[s + a]
             key = keys[face]
             b = a
-            while b > starts[k] and keys[entries[b - 1]] > key:
-                entries[b] = entries[b - 1]
+            while b > 0 and own[b - 1] > key:
+                own[b] = own[b - 1]
+                entries[s + b] = entries[s + b - 1]
                 b -= 1
-            entries[b] = face
-        first[k] = keys[entries[starts[k]]] if starts[k + 1] > starts[k] else np.inf
+            own[b] = key
+            entries[s + b] = face
+        first[k] = own[0] if n else np.inf
 
 
 @compiled
@@ -236,7 +278,7 @@ def contact_height(  # type: ignore[no-untyped-def]
         lh: likewise along y.
         window: (4,) smallest x, y and largest x, y that count, m.
         lower: (m, 3, 3) lower faces of the item in its own frame, m.
-        lower_planes: (m, 3) of these, see :func:`facing`.
+        lower_planes: (m, 3) of these, see :func:`bounds_of_faces`.
         lower_boxes: (m, 6) likewise.
         lower_starts: (lw · lh + 1,) where the faces of each cell begin, of the item at the edge of its first one.
         lower_entries: indices of faces, in each cell the lowest first.

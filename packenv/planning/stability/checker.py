@@ -28,6 +28,7 @@ from packenv.planning.stability.equilibrium import (
     TOLERANCE,
     Equilibrium,
     build_equilibrium,
+    falls_alone,
     residuals,
 )
 from packenv.planning.stability.solvers import Solution, solve_highs, solve_nnls
@@ -140,17 +141,31 @@ class StabilityChecker:
         """
         com = np.asarray(coms, dtype=np.float64).reshape(-1, 3)
         new = _existing(new, len(com))
-        touching = (contacts.first == new) | (contacts.second == new)
-        eq = self.build(contacts.take(touching), masses, com, np.array([new]))
+        own = contacts.take((contacts.first == new) | (contacts.second == new))
         # What falls, falls mostly to the side where least of the support is.
-        overhang = com[new - 1] - eq.contacts.points.mean(axis=0) if len(eq.contacts) else np.zeros(3)
-        solutions: dict[int, Solution] = {}
-        for i in np.argsort(-(tilts @ overhang), kind="stable").tolist():
-            solution = solve_nnls(eq.tilted(tilts[i]) if tilts[i].any() else eq)
+        overhang = com[new - 1] - own.points.mean(axis=0) if len(own) else np.zeros(3)
+        order = np.argsort(-(tilts @ overhang), kind="stable")
+        motion = falls_alone(
+            own,
+            com[new - 1],
+            new,
+            tilts[order],
+            mu=self.coefficients(own),
+            sides=self.sides,
+            gravity=self.gravity,
+            length=self.length,
+            tolerance=self.tolerance,
+        )
+        if motion is not None:
+            return (Solution("unstable", "nnls", motion=motion),)
+        eq = self.build(own, masses, com, np.array([new]))
+        solutions: list[Solution] = []
+        for tilt in tilts:
+            solution = solve_nnls(eq.tilted(tilt) if tilt.any() else eq)
             if solution.status == "unstable":
                 return (solution,)
-            solutions[i] = solution
-        return tuple(solutions[i] for i in range(len(tilts)))
+            solutions.append(solution)
+        return tuple(solutions)
 
     def build(
         self,

@@ -20,6 +20,7 @@ from packenv.planning.stability.contacts import Body, join, no_contacts
 from packenv.planning.stability.loads import OVERLOAD, Balanced, LoadLimits, Loads, loads_details
 from packenv.planning.stability.margins import MarginRule, check_margin, measure_margin, upright_forces
 from packenv.planning.stability.settling import settled_tilt, settles, settles_with
+from packenv.planning.stability.solvers import Solution
 from packenv.types import BoolArray, Contacts, FloatArray, Item
 
 
@@ -127,11 +128,15 @@ class StabilityConstraint(Constraint):
             loads = borne
         if self.alone is not None and not self._stands_alone(own, masses, coms):
             return Verdict(False, "unstable-margin")
-        balance = self._balance(contacts, masses, coms, state.balance)
+        # What is asked of the new item alone takes less time than what is asked of the pile.
+        alone = self._alone(contacts, masses, coms)
+        if alone[-1].status == "unstable" or not (
+            self.prestress or settles_with(self.checker, tighten(own), trial.com, index, self.rule)
+        ):
+            return Verdict(False, "unstable-new-item")
+        balance = self._balance(contacts, masses, coms, state.balance, alone)
         if not balance[-1].stable:
             return Verdict(False, f"unstable-{balance[-1].decided_by}")
-        if not self.prestress and not settles_with(self.checker, tighten(own), trial.com, index, self.rule):
-            return Verdict(False, "unstable-new-item")
         details = Details(
             lambda: self._details(contacts, masses, coms, balance, index) | loads_details(loads)
         )
@@ -140,9 +145,8 @@ class StabilityConstraint(Constraint):
 
     def _stands_alone(self, own: Contacts, masses: FloatArray, coms: FloatArray) -> bool:
         assert self.alone is not None
-        checker, tight = self.alone.weakened(self.checker), tighten(own)
-        pulls = self.alone.pulls(checker.gravity)
-        solutions = checker.balance_alone(tight, masses, coms, pulls)
+        tight = tighten(own)
+        solutions = self.alone.alone(self.checker, tight, masses, coms)
         return all(solution.status == "stable" for solution in solutions) and (
             self.prestress or settles(self.checker, tight, coms[-1], len(masses), self.alone)
         )
@@ -183,13 +187,22 @@ class StabilityConstraint(Constraint):
             details["margin_deg"] = round(tilt, 3)
         return details
 
+    def _alone(self, contacts: Contacts, masses: FloatArray, coms: FloatArray) -> tuple[Solution, ...]:
+        """The new item balanced while all others are held, under each direction of gravity that is asked."""
+        if self.rule is not None:
+            return self.rule.alone(self.checker, contacts, masses, coms)
+        return self.checker.balance_alone(contacts, masses, coms, np.zeros((1, 3)))
+
     def _balance(
         self,
         contacts: Contacts,
         masses: FloatArray,
         coms: FloatArray,
         previous: tuple[StabilityResult, ...],
+        alone: tuple[Solution, ...],
     ) -> tuple[StabilityResult, ...]:
         if self.rule is not None:
-            return check_margin(self.checker, contacts, masses, coms, self.rule, previous=previous or None)
-        return (self.checker.check(contacts, masses, coms, previous=previous[0] if previous else None),)
+            before = previous or None
+            return check_margin(self.checker, contacts, masses, coms, self.rule, previous=before, alone=alone)
+        before_it = previous[0] if previous else None
+        return (self.checker.check(contacts, masses, coms, previous=before_it, alone=alone[0]),)

@@ -9,6 +9,7 @@ import numpy as np
 from packenv.geometry.distance_grids import BAND
 from packenv.geometry.distance_kernels import (
     TIES,
+    any_within,
     closest_on_triangle,
     corners,
     distance_bounds,
@@ -123,7 +124,19 @@ def touches(  # type: ignore[no-untyped-def]
             outside = max(outside, low[axis] - c, c - high[axis])
         if outside > radius + edge_reach:
             continue
+        if not any_within(centre[0], centre[1], centre[2], radius + edge_reach, boxes, stack):
+            continue
+        anchor, clear = -1, 0.0
         for s in range(starts[block], starts[block + 1]):
+            if anchor >= 0:
+                # Distance changes by no more than the way: one far sample rules out those around it.
+                way = (
+                    (records[s, 0] - records[anchor, 0]) ** 2
+                    + (records[s, 1] - records[anchor, 1]) ** 2
+                    + (records[s, 2] - records[anchor, 2]) ** 2
+                )
+                if way < clear * clear:
+                    continue
             x = (
                 rotation[0, 0] * records[s, 0]
                 + rotation[0, 1] * records[s, 1]
@@ -145,6 +158,7 @@ def touches(  # type: ignore[no-untyped-def]
             reach = edge_reach if kinds[s] == EDGE or kinds[s] == END else threshold
             near, upper = distance_bounds(x, y, z, origin, h, distance, reach)
             if not near:
+                anchor, clear = s, max(0.0, upper + reach - edge_reach - _EXACT)
                 continue
             if last >= 0:
                 # Neighbouring samples have neighbouring nearest faces: a better bound than the nodes give.

@@ -125,16 +125,22 @@ def item_contacts(
         raise ValueError(
             f"threshold is {threshold:g} m, give metres above 0 and up to {LARGEST_THRESHOLD:.4f}"
         )
-    parts = [_with_container(new, container, index, threshold)]
+    parts, bodies = [_with_container(new, container, threshold)], [0]
     if others:
         low, high = new.bounds[0] - threshold, new.bounds[1] + threshold
         boxes = np.array([b.bounds for b in others])
         close = np.all((boxes[:, 0] <= high) & (boxes[:, 1] >= low), axis=1)
-        for i in np.flatnonzero(close):
-            other = others[int(i)]
-            parts.append(_one_way(new, other, (int(i) + 1, index), 1.0, threshold))
-            parts.append(_one_way(other, new, (int(i) + 1, index), -1.0, threshold))
-    return join([p for p in parts if len(p)])
+        for i in np.flatnonzero(close).tolist():
+            parts += _one_way(new, others[i], 1.0, threshold), _one_way(others[i], new, -1.0, threshold)
+            bodies += i + 1, i + 1
+    rows = np.concatenate(parts)
+    return Contacts(
+        rows[:, :3].copy(),
+        rows[:, 3:6].copy(),
+        np.repeat(bodies, [len(part) for part in parts]),
+        np.full(len(rows), index, np.int64),
+        rows[:, 6].copy(),
+    )
 
 
 _local = threading.local()
@@ -148,7 +154,8 @@ def _room(rows: int) -> FloatArray:
     return room
 
 
-def _with_container(new: Body, container: Container, index: int, threshold: float) -> Contacts:
+def _with_container(new: Body, container: Container, threshold: float) -> FloatArray:
+    """(k, 7) points on the container, normals into the body, gaps, m."""
     field = new.field
     # A sample in a corner touches three planes.
     rows = _room(3 * len(field.records))
@@ -163,20 +170,11 @@ def _with_container(new: Body, container: Container, index: int, threshold: floa
         threshold,
         rows,
     )
-    rows = rows[:count]
-    return Contacts(
-        rows[:, :3].copy(),
-        rows[:, 3:6].copy(),
-        np.zeros(count, np.int64),
-        np.full(count, index, np.int64),
-        rows[:, 6].copy(),
-    )
+    return rows[:count].copy()
 
 
-def _one_way(
-    samples: Body, surface: Body, numbers: tuple[int, int], sign: float, threshold: float
-) -> Contacts:
-    """Contacts of one body's samples with another's faces; ``sign`` turns normals into the second."""
+def _one_way(samples: Body, surface: Body, sign: float, threshold: float) -> FloatArray:
+    """(k, 7) contacts of one body's samples with another's faces: points, normals by ``sign``, gaps, m."""
     one, other = samples.field, surface.field
     # A sample touches one face or crosses up to three edges.
     rows = _room(3 * len(one.records))
@@ -202,11 +200,8 @@ def _one_way(
         threshold,
         rows,
     )
-    rows = rows[:count]
-    return Contacts(
-        rows[:, :3] @ surface.rotation.T + surface.position,
-        sign * (rows[:, 3:6] @ surface.rotation.T),
-        np.full(count, numbers[0], np.int64),
-        np.full(count, numbers[1], np.int64),
-        rows[:, 6].copy(),
-    )
+    found = rows[:count].copy()
+    if count:
+        found[:, :3] = rows[:count, :3] @ surface.rotation.T + surface.position
+        found[:, 3:6] = sign * (rows[:count, 3:6] @ surface.rotation.T)
+    return found

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from packenv import config
-from packenv.planning.stability.equilibrium_kernels import add_wrenches, fill_columns
+from packenv.planning.stability.equilibrium_kernels import add_wrenches, fill_columns, first_refuted
 from packenv.types import Contacts, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -264,9 +264,7 @@ def build_equilibrium(
     coefficients = np.empty(len(contacts))
     coefficients[:] = mu
     _check_friction(mu, sides)
-    up = -pull / g
-    level = np.zeros(3)
-    level[int(np.argmin(np.abs(up)))] = 1.0
+    up, level = _upward(pull)
     room = len(contacts) * sides
     edges = np.empty((len(contacts), sides, 3))
     start, index = np.empty(room + 1, dtype=np.int32), np.empty(12 * room, dtype=np.int32)
@@ -310,6 +308,70 @@ def build_equilibrium(
         length=length,
         tolerance=tolerance,
     )
+
+
+def falls_alone(
+    contacts: Contacts,
+    com: FloatArray,
+    body: int,
+    tilts: FloatArray,
+    *,
+    mu: FloatArray | float = 0.7,
+    sides: int = 8,
+    gravity: ArrayLike = GRAVITY,
+    length: float = LENGTH,
+    tolerance: float = TOLERANCE,
+) -> FloatArray | None:
+    """A motion that proves that one item falls under one of several tilts, everything else held.
+
+    It is what least squares of :func:`build_equilibrium` leaves, put to the test of :meth:`Equilibrium.refuted_by`,
+    all in one kernel: most candidates of a plan are refuted here.
+
+    Args:
+        contacts: all those of the item, and no others.
+        com: (3,) its centre of mass, m.
+        body: its number.
+        tilts: (d, 3) horizontal pulls in units of gravity, the most likely to refute it first.
+        mu: as in :func:`build_equilibrium`.
+        sides: likewise.
+        gravity: likewise.
+        length: likewise.
+        tolerance: likewise.
+
+    Returns:
+        (6,) the motion in row units, summing to 1 in size; None where none is found.
+    """
+    pull = np.asarray(gravity, dtype=np.float64)
+    up, level = _upward(pull)
+    loads = np.zeros((len(tilts), 6))
+    loads[:, :3] = up - tilts
+    coefficients = np.empty(len(contacts))
+    coefficients[:] = mu
+    motion = np.empty(6)
+    refuted = first_refuted(
+        contacts.points,
+        contacts.normals,
+        contacts.second == body,
+        com,
+        length,
+        coefficients,
+        up,
+        level,
+        _wheel(sides),
+        loads,
+        tolerance,
+        _PROOF_FORCE,
+        motion,
+    )
+    return motion if refuted >= 0 else None
+
+
+def _upward(gravity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(3,) against gravity, unit, and the (3,) axis that the first tangent of a level contact follows."""
+    up = -gravity / np.linalg.norm(gravity)
+    level = np.zeros(3)
+    level[int(np.argmin(np.abs(up)))] = 1.0
+    return up, level
 
 
 @lru_cache(maxsize=16)

@@ -222,6 +222,66 @@ def least_squares(columns, rhs, most, x, left):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def first_refuted(  # type: ignore[no-untyped-def]
+    points, normals, ahead, com, length, mu, up, level, wheel, loads, tolerance, proof, motion
+):  # fmt: skip
+    """The first of several loads under which one item falls though everything else is held, proved by a motion.
+
+    A motion is a proof as in :meth:`packenv.planning.stability.equilibrium.Equilibrium.refuted_by`.
+
+    Args:
+        points: (k, 3) contacts of the item, m.
+        normals: (k, 3) unit.
+        ahead: (k,) whether a normal points into the item.
+        com: (3,) its centre of mass, m.
+        length: m, that torques are measured by.
+        mu: (k,) coefficient of friction of each contact.
+        up: (3,) unit, against gravity.
+        level: (3,) axis that the first tangent of a level contact follows.
+        wheel: (sides, 2) cosine and sine of each edge's angle.
+        loads: (d, 6) what the contacts have to balance, over the item's weight.
+        tolerance: largest residual of a row that counts as balanced.
+        proof: forces, over the item's weight, up to which a proof must hold.
+        motion: (6,) filled with the proof, summing to 1 in size.
+
+    Returns:
+        index of the load; -1 where least squares refutes none.
+    """
+    k, n = len(points), len(points) * len(wheel)
+    second = np.empty(k, np.int64)
+    for i in range(k):
+        second[i] = 1 if ahead[i] else 0
+    slot, centre = np.array([-1, 0]), np.zeros((2, 3))
+    centre[1] = com
+    start, index, value = np.empty(n + 1, np.int32), np.empty(12 * n, np.int32), np.empty(12 * n)
+    fill_columns(
+        points, normals, 1 - second, second, slot, np.ones(k), np.ones(2), centre, length, mu, up, level, wheel,
+        np.empty((k, len(wheel), 3)), start, index, value,
+    )  # fmt: skip
+    columns = value[: 6 * n].reshape(n, 6)
+    x = np.empty(n)
+    for d in range(len(loads)):
+        least_squares(columns, loads[d], 3 * n, x, motion)
+        size = 0.0
+        for row in range(6):
+            size += abs(motion[row])
+        if not 0.0 < size < np.inf:
+            continue
+        gap, worst = -tolerance, 0.0
+        for row in range(6):
+            motion[row] /= size
+            gap += loads[d, row] * motion[row]
+        for j in range(n):
+            work = 0.0
+            for row in range(6):
+                work += columns[j, row] * motion[row]
+            worst = max(worst, work)
+        if gap > 0.0 and worst * proof <= gap:
+            return d
+    return -1
+
+
+@compiled
 def _solve(columns, rhs, used, count, basis, upper, found):  # type: ignore[no-untyped-def]
     """Least squares of the columns in use; False where one of them depends on those before it."""
     rows = columns.shape[1]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from packenv.planning.stability.checker import StabilityChecker, StabilityResult
 from packenv.planning.stability.equilibrium import GRAVITY, Equilibrium
-from packenv.planning.stability.solvers import highs_solver, pass_program, solve_highs
+from packenv.planning.stability.solvers import Solution, highs_solver, pass_program, solve_highs
 from packenv.types import Contacts, FloatArray, IntArray
 
 N_DIRECTIONS = 8
@@ -77,6 +77,18 @@ class MarginRule:
         pulls: FloatArray = np.tan(np.radians(self.tilt_deg)) * tilt_directions(gravity)
         return pulls
 
+    def alone(
+        self,
+        checker: StabilityChecker,
+        contacts: Contacts,
+        masses: ArrayLike,
+        coms: ArrayLike,
+        new: int | None = None,
+    ) -> tuple[Solution, ...]:
+        """:meth:`StabilityChecker.balance_alone` with the rule's friction, under each of its tilts."""
+        pulls = self.pulls(checker.gravity)
+        return self.weakened(checker).balance_alone(contacts, masses, coms, pulls, new)
+
 
 @dataclass(frozen=True, eq=False)
 class Margin:
@@ -129,6 +141,7 @@ def check_margin(
     *,
     new: int | None = None,
     previous: tuple[StabilityResult, ...] | None = None,
+    alone: tuple[Solution, ...] | None = None,
 ) -> tuple[StabilityResult, ...]:
     """Does the pile stand with the rule's friction under gravity tilted as the rule says, whichever way?
 
@@ -146,6 +159,7 @@ def check_margin(
         rule: what is to be survived; the default one where None.
         new: the body whose placement is asked; the last one where None.
         previous: what this function returned, by the same rule, for the pile without ``new``.
+        alone: what :meth:`MarginRule.alone` found for ``new``; found here where None.
 
     Returns:
         One result for each direction where the pile survives all of them; otherwise the last one says no.
@@ -155,7 +169,8 @@ def check_margin(
     pulls = rule.pulls(checker.gravity)
     if not len(np.atleast_1d(masses)):
         return (weak.check(contacts, masses, coms),) * len(pulls)
-    alone = weak.balance_alone(contacts, masses, coms, pulls, new)
+    if alone is None:
+        alone = rule.alone(checker, contacts, masses, coms, new)
     results: list[StabilityResult] = []
     for i, solution in enumerate(alone):
         before = previous[i] if previous is not None and i < len(previous) else None

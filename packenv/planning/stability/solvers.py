@@ -296,14 +296,16 @@ def solve_clarabel(eq: Equilibrium) -> Solution:
     return _judge(eq, "clarabel", np.maximum(found[:columns], 0.0), found[columns:])
 
 
-def solve_cvxpy(eq: Equilibrium) -> Solution:
+def solve_cvxpy(eq: Equilibrium, first: str = "HIGHS") -> Solution:
     """The reference: the paper's conditions for CVXPY, written item by item and contact by contact.
 
     It shares no matrix with the fast solvers. Variables are the forces, the pyramid is given by its
     faces instead of its edges, and the balance is eqs. 1 and 2 of the paper. "Infeasible" is taken from the
     solver's word; where a solver fails or calls its own answer inaccurate, the next one is asked.
 
-    Needs the package cvxpy, which RobotPack itself does not.
+    Args:
+        eq: the question.
+        first: CVXPY's name of the solver that is asked first: HIGHS, CLARABEL or SCS.
     """
     cp: Any = importlib.import_module("cvxpy")  # partly annotated
 
@@ -316,7 +318,7 @@ def solve_cvxpy(eq: Equilibrium) -> Solution:
     problem = cp.Problem(
         cp.Minimize(0.0), [_faces(eq) @ force >= 0.0, left <= eq.tolerance, left >= -eq.tolerance]
     )
-    for name, options in _REFERENCE_SOLVERS:
+    for name, options in sorted(_REFERENCE_SOLVERS, key=lambda solver: solver[0] != first):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an inaccurate answer is seen in its status
             try:

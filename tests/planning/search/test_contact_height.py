@@ -12,7 +12,13 @@ import trimesh
 from packenv.config import HEIGHT_QUANTUM
 from packenv.geometry.heightmaps import orient_item
 from packenv.items.catalogue import open_catalogue
-from packenv.planning.search.contact_height import FacesByCell, contact_height, lower_faces, upper_faces
+from packenv.planning.search.contact_height import (
+    ExactPile,
+    FacesByCell,
+    contact_height,
+    lower_faces,
+    upper_faces,
+)
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.kernels import lowest_at as lowest_z
 from packenv.types import Container, FloatArray, Item, OrientedItem, Placement, Plan
@@ -135,6 +141,24 @@ def test_the_floor_holds_what_nothing_else_does() -> None:
     heap = Heap()
     heap.put(cup(0.04, 0.06), 0, 0)
     assert heap.put(box(0.03, 0.03, 0.03), 60, 60)[0] == 0.0
+
+
+def test_what_one_item_is_told_is_not_told_to_another() -> None:
+    """Items that turn alike are asked for at one place of one pile, one after another."""
+    below, *others = (ball(0.03), box(0.04, 0.04, 0.02, "flat"), cup(0.03, 0.05), cylinder(0.02, 0.05))
+    oriented = {item.name: orient_item(item, UPRIGHT, cell_size=CELL) for item in (below, *others)}
+    empty = ContainerMap.empty(
+        Container(0.2, 0.2, 0.2), CELL, ExactPile({i.name: i for i in (below, *others)})
+    )
+
+    def told(names: list[str]) -> dict[str, float]:
+        pile = empty.with_item(oriented[below.name], 20, 20, 0.0)
+        return {n: pile.lowest(oriented[n], 44, 25, pile.bound(oriented[n], 44, 25)) for n in names}
+
+    names = [item.name for item in others]
+    alone = {name: told([name])[name] for name in names}
+    assert len(set(alone.values())) > 1
+    assert told(names) == told(names[::-1]) == alone
 
 
 SHAPES = (ball(0.03), box(0.06, 0.05, 0.03), cup(0.035, 0.06), cylinder(0.025, 0.05), cone(0.7))

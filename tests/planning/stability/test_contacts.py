@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,34 @@ def test_swapping_roles_flips_normals(pile: list[Body]) -> None:
     assert compared > 100
 
 
+def one_by_one(one: Body) -> Body:
+    """The same samples, each in a block of its own that is too large to be passed by."""
+    points = one.field.samples.astype(np.float64)
+    spheres = np.column_stack([points, np.ones(len(points))])
+    return replace(one, field=replace(one.field, starts=np.arange(len(points) + 1), spheres=spheres))
+
+
+def check_same_one_by_one(bodies: list[Body]) -> int:
+    """What passing samples by leaves is what looking at each of them finds, to the last bit."""
+    alone, found = [one_by_one(b) for b in bodies], 0
+    for i in range(len(bodies)):
+        fast, slow = (item_contacts(s[i], s[:i], BOX, index=i + 1) for s in (bodies, alone))
+        for name in ("points", "normals", "first", "second", "gaps"):
+            of_items = getattr(fast, name)[fast.first > 0], getattr(slow, name)[slow.first > 0]
+            np.testing.assert_array_equal(*of_items)
+        found += int((fast.first > 0).sum())
+    return found
+
+
+def test_no_sample_that_touches_is_passed_by(pile: list[Body]) -> None:
+    assert check_same_one_by_one(pile) > 500
+    shaken = np.random.default_rng(5).uniform(-2e-3, 2e-3, (len(pile), 3))
+    off = [
+        Body(b.field, turn(1, 0.02) @ b.rotation, b.position + d) for b, d in zip(pile, shaken, strict=True)
+    ]
+    assert check_same_one_by_one(off) > 100
+
+
 def check_near_both_surfaces(bodies: list[Body], contacts: Contacts, most: int = 60) -> None:
     assert np.linalg.norm(contacts.normals, axis=1) == pytest.approx(1.0, abs=1e-6)
     assert np.all(np.abs(contacts.gaps) <= THRESHOLD + 1e-9)
@@ -156,6 +185,7 @@ def test_points_of_scanned_items_are_near_both_surfaces(objects_dir: Path) -> No
     contacts = pile_contacts(bodies, BOX)
     assert set(contacts.second) == set(range(1, len(bodies) + 1))
     check_near_both_surfaces(bodies, contacts, 40)
+    assert check_same_one_by_one(bodies) > 100
     thinned = thin(contacts)
     assert 0 < len(thinned) < 0.5 * len(contacts)
 

@@ -13,6 +13,7 @@ from packenv.planning.stability import solvers
 from packenv.planning.stability.equilibrium import (
     TOLERANCE,
     build_equilibrium,
+    falls_alone,
     residuals,
 )
 from packenv.planning.stability.solvers import Solution, solve_clarabel, solve_cvxpy, solve_highs, solve_nnls
@@ -204,6 +205,26 @@ def test_all_solvers_agree_on_thousands_of_random_piles():
     assert min(seen["stable"], seen["unstable"]) >= 1500
     assert seen["near"] <= 100
     assert seen["left open"] <= 5
+
+
+def test_one_item_falls_alone_exactly_where_the_solver_says_so():
+    rng, seen = np.random.default_rng(21), Counter()
+    for _ in range(150):
+        p = piles.random_pile(rng)
+        up = -p.gravity / np.linalg.norm(p.gravity)
+        sideways = np.linalg.svd(up[None])[2][1]
+        tilts = np.array([0.0, 0.1, -0.2])[:, None] * sideways
+        for body in range(1, len(p.masses) + 1):
+            own = p.contacts.take((p.contacts.first == body) | (p.contacts.second == body))
+            motion = falls_alone(own, p.coms[body - 1], body, tilts, gravity=p.gravity)
+            questions = [build(p, free=[body]).tilted(tilt) for tilt in tilts]
+            falls = any(solve_highs(eq).status == "unstable" for eq in questions)
+            assert falls == (motion is not None)
+            if motion is not None:
+                assert np.abs(motion).sum() == pytest.approx(1.0)
+                assert any(eq.refuted_by(motion) for eq in questions)
+            seen[falls] += 1
+    assert min(seen[True], seen[False]) >= 50
 
 
 def test_fast_solvers_agree_where_it_is_close():
