@@ -35,6 +35,7 @@ from packenv.planning.stability.loads import LoadConstraint, LoadLimits
 from packenv.planning.stability.margins import MarginRule
 from packenv.planning.tiers import Strategy, Tier
 from packenv.planning.upright import UprightConstraint
+from packenv.robot.reachability import share_of_cell
 from packenv.types import Container, Item, OrientedItem
 
 MEMBERS = ("minz", "hm", "dblf", "mta")
@@ -44,6 +45,8 @@ LAYOUT_SECONDS = 20.0
 _SEARCHES: Mapping[str, Callable[[], LayoutSearch]] = {"separate": Separation, "gls": GuidedLocalSearch}
 MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
+FAR = 0.75
+"""The robot is asked before force balance where it reaches less of the container."""
 EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
@@ -167,12 +170,6 @@ def constraints_of(
         manipulation: to use again, with the grasps that it knows.
     """
     found: list[Constraint] = [UprightConstraint(items.prepared)] if items.limited else []
-    if options.constraints == "robot":
-        # A tenth of stability's time, and in a wide box the robot reaches a third of the candidates.
-        cell = options.setup.with_container(container)
-        found.append(
-            manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp, items.masses)
-        )
     rule = margin_rule(options.stability)
     contacts = contact_finder(options.contacts, options.setup.friction, tight=rule is not None)
     loads = LoadLimits(items.shapes, items.fields, contacts) if items.limited else None
@@ -192,6 +189,11 @@ def constraints_of(
         )
     elif loads is not None:
         found.append(LoadConstraint(loads))
+    if options.constraints == "robot":
+        cell = options.setup.with_container(container)
+        robot = manipulation or ManipulationConstraint(ManipulationChecker(cell), options.grasp, items.masses)
+        # What is often refused, and soon, is asked first.
+        found.insert(0 if share_of_cell(cell) < FAR else len(found), robot)
     for given in options.own_constraints:
         label = given if isinstance(given, str) else type(given).__name__
         found.append(OwnConstraint(own_constraint(given), label).for_order(items.shapes, container))

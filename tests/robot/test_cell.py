@@ -10,7 +10,7 @@ from packenv.robot.cell import Cell, CellSetup, Place
 from packenv.robot.files import default_cell
 from packenv.robot.gripper import top_down
 from packenv.robot.protocol import Robot
-from packenv.robot.reachability import corner_distances, reach_map, share
+from packenv.robot.reachability import corner_distances, reach_map, share, share_of_cell
 from packenv.types import Container
 from tests.robot.sampling import ROBOTS, TX90, random_joints
 
@@ -103,6 +103,13 @@ def test_out_of_reach_lowers_the_share():
     reach = reach_map(default_cell().robot, 0.3, np.arange(0.25, 1.2, 0.05), levels=4)
     shares = [share(reach, PAPER, (x, -0.16)) for x in (0.3, 0.5, 0.7, 0.85)]
     assert shares[0] > shares[1] > shares[2] > shares[3] == 0.0
+
+
+@pytest.mark.parametrize("size", [(0.32, 0.32, 0.3), (0.6, 0.4, 0.32), (0.6, 0.4, 0.2), (0.495, 0.33, 0.159)])
+def test_the_rough_share_of_a_cell_is_near_that_of_a_fine_map(size):
+    cell = default_cell().with_container(Container(*size))
+    fine = reach_map(cell.robot, cell.rim, np.arange(0.2, 1.1, 0.02), levels=10)
+    assert share_of_cell(cell) == pytest.approx(share(fine, cell.container, cell.position[:2]), abs=0.12)
 
 
 def test_clear_branches_keep_above_the_rim():
