@@ -85,12 +85,12 @@ def share(reach: ReachMap, container: Container, corner: tuple[float, float], sp
 
 @lru_cache(maxsize=256)
 def share_of_cell(cell: Cell) -> float:
-    """Roughly the share of its container's inner volume that a cell's robot reaches, in some milliseconds."""
+    """Roughly the share of its container's inner volume that a cell's robot reaches, in 10 ms."""
     across = np.meshgrid(*_across(cell.container, 0.04), 0.0)
     points = cell.to_base(np.stack(across, axis=-1).reshape(-1, 3))
     distances = np.hypot(points[:, 0], points[:, 1])
-    radii = np.linspace(distances.min() - 1e-9, distances.max() + 1e-9, 10)
-    return _share_at(reach_map(cell.robot, cell.rim, radii, levels=4), distances)
+    radii = np.linspace(distances.min() - 1e-9, distances.max() + 1e-9, 14)
+    return _share_at(reach_map(cell.robot, cell.rim, radii, levels=8), distances)
 
 
 def _across(container: Container, spacing: float) -> tuple[FloatArray, FloatArray]:
