@@ -37,6 +37,20 @@ PROMISING = 0.005
 """Overlap, as a share of all voxels, up to which layouts are tried out."""
 
 
+class Trying(Protocol):
+    """Looks at layouts on the way.
+
+    Attributes:
+        done: whether one is a whole plan.
+    """
+
+    done: bool
+
+    def __call__(self, arrangement: Arrangement) -> bool:
+        """Whether the search can end."""
+        ...
+
+
 @dataclass(eq=False)
 class _Promising:
     """Tries out layouts without overlap, and some with little, each with half of the last one's or less.
@@ -186,7 +200,7 @@ class LayoutPacker:
         start: Pile | None,
         rng: np.random.Generator,
         effort: Effort,
-        promising: _Promising,
+        promising: Trying,
     ) -> Arrangement:
         """A layout of the pieces: one that became a whole plan, or else as far as the effort goes."""
         pitch = pitch_for(container)
