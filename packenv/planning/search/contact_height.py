@@ -148,7 +148,7 @@ def lower_faces(item: Item, oriented: OrientedItem) -> FacesByCell:
     """
     points = item.vertices @ oriented.rotation.T + oriented.offset
     shape = (oriented.bottom.shape[0], oriented.bottom.shape[1])
-    return _by_cell(points, item.faces, oriented.cell_size, (0, 0), shape, down=True)
+    return _by_cell(points, item.faces, oriented.cell_size, (0, 0), shape, down=True, both=inside_out(item))
 
 
 def upper_faces(item: Item, rotation: FloatArray, position: FloatArray, cell_size: float) -> FacesByCell:
@@ -164,7 +164,7 @@ def upper_faces(item: Item, rotation: FloatArray, position: FloatArray, cell_siz
     low, high = points.min(axis=0), points.max(axis=0)
     ix, iy = math.floor(low[0] / cell_size), math.floor(low[1] / cell_size)
     shape = (math.floor(high[0] / cell_size) - ix + 1, math.floor(high[1] / cell_size) - iy + 1)
-    return _by_cell(points, item.faces, cell_size, (ix, iy), shape, down=False)
+    return _by_cell(points, item.faces, cell_size, (ix, iy), shape, down=False, both=inside_out(item))
 
 
 def contact_height(
@@ -229,11 +229,9 @@ def _by_cell(
     shape: tuple[int, int],
     *,
     down: bool,
+    both: bool,
 ) -> FacesByCell:
-    chosen = np.empty(len(faces), np.int64)
-    chosen = chosen[: kernels.facing(points, faces, down, chosen)]
-    corners, planes, boxes = (np.empty((len(chosen), *own)) for own in ((3, 3), (3,), (6,)))
-    kernels.bounds_of_faces(points, faces, chosen, corners, planes, boxes)
+    corners, planes, boxes = _bounded(points, faces, _chosen(points, faces, down, both), down=down)
     starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
     origin = first[0] * cell, first[1] * cell
     entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts)
@@ -242,3 +240,48 @@ def _by_cell(
     kernels.sort_cells(starts, entries, keys, first_keys)
     highest = float(boxes[:, 5].max(initial=-np.inf))
     return FacesByCell(corners, planes, boxes, first, shape, starts, entries, first_keys, highest)
+
+
+def _chosen(points: FloatArray, faces: IntArray, down: bool, both: bool) -> IntArray:
+    """Indices of the faces that look down, or up, or of both; upright ones are neither."""
+    found = []
+    for way in (down, not down) if both else (down,):
+        chosen = np.empty(len(faces), np.int64)
+        found.append(chosen[: kernels.facing(points, faces, way, chosen)])
+    return np.concatenate(found)
+
+
+def _bounded(
+    points: FloatArray, faces: IntArray, chosen: IntArray, *, down: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    corners, planes, boxes = (np.empty((len(chosen), *own)) for own in ((3, 3), (3,), (6,)))
+    kernels.bounds_of_faces(points, faces, chosen, down, corners, planes, boxes)
+    return corners, planes, boxes
+
+
+def inside_out(item: Item) -> bool:
+    """Whether a part of an item's closed surface is inside out, as folds of scanned surfaces are.
+
+    What is above all else there may look down. So no face is left out that looks the wrong way.
+    """
+    known = _INSIDE_OUT.get(item)
+    if known is None:
+        points, faces = item.vertices, item.faces
+        up, down = (_chosen(points, faces, way, both=False) for way in (False, True))
+        corners, planes, boxes = _bounded(points, faces, np.concatenate([up, down]), down=False)
+        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+        cell = max(float(np.sqrt((high - low).prod() / max(len(faces), 1))), 1e-6)
+        shape = (np.floor((high - low) / cell).astype(np.int64) + 1).tolist()
+        starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
+        entries = kernels.cells_of_faces(corners, boxes, *low.tolist(), cell, *shape, starts)
+        looks_up = np.arange(len(corners)) < len(up)
+        known = _INSIDE_OUT[item] = bool(
+            kernels.has_inside_out(
+                corners, planes, boxes, looks_up, starts, entries, cell, *low.tolist(), shape[1]
+            )
+        )
+    return known
+
+
+_INSIDE_OUT: WeakKeyDictionary[Item, bool] = WeakKeyDictionary()
+"""What :func:`inside_out` said of the items that live."""

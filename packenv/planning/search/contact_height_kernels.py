@@ -201,13 +201,14 @@ def facing(points, faces, down, chosen):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def bounds_of_faces(points, faces, chosen, corners, planes, boxes):  # type: ignore[no-untyped-def]
+def bounds_of_faces(points, faces, chosen, down, corners, planes, boxes):  # type: ignore[no-untyped-def]
     """What bounds each of some faces without looking at its corners.
 
     Args:
         points: (v, 3) m.
         faces: (m, 3) indices of points.
         chosen: (n,) indices of faces, none of them upright.
+        down: whether they count as looking down; a face that looks the other way is turned.
         corners: (n, 3, 3) filled, m.
         planes: (n, 3) filled: z = p0 + p1 x + p2 y on the face.
         boxes: (n, 6) filled: smallest x, y, z and largest x, y, z, m.
@@ -224,9 +225,57 @@ def bounds_of_faces(points, faces, chosen, corners, planes, boxes):  # type: ign
         bx, by, bz = corners[k, 1, 0] - ax, corners[k, 1, 1] - ay, corners[k, 1, 2] - az
         cx, cy, cz = corners[k, 2, 0] - ax, corners[k, 2, 1] - ay, corners[k, 2, 2] - az
         area = bx * cy - by * cx
+        if (area < 0.0) != down:
+            for axis in range(3):
+                corners[k, 1, axis], corners[k, 2, axis] = corners[k, 2, axis], corners[k, 1, axis]
         planes[k, 1] = (bz * cy - cz * by) / area
         planes[k, 2] = (cz * bx - bz * cx) / area
         planes[k, 0] = az - planes[k, 1] * ax - planes[k, 2] * ay
+
+
+@compiled
+def has_inside_out(corners, planes, boxes, up, starts, entries, cell, origin_x, origin_y, shape_y):  # type: ignore[no-untyped-def]
+    """Whether a closed surface encloses something inside out: a winding number below 0 in front of a face.
+
+    Args:
+        corners: (n, 3, 3) of all faces that are not upright, m.
+        planes: (n, 3) see :func:`bounds_of_faces`.
+        boxes: (n, 6) likewise.
+        up: (n,) whether each looks up.
+        starts: (cells + 1,) see :func:`cells_of_faces`.
+        entries: likewise.
+        cell: cell size, m.
+        origin_x: of the first cell, m.
+        origin_y: likewise.
+        shape_y: number of cells along y.
+    """
+    # Uneven shares, so that no sample lies on an edge of a symmetrical mesh.
+    shares = np.array([[0.41, 0.33, 0.26], [0.83, 0.11, 0.06], [0.07, 0.81, 0.12], [0.09, 0.08, 0.83]])
+    for f in range(len(corners)):
+        for s in range(4):
+            x = y = z = 0.0
+            for k in range(3):
+                x += shares[s, k] * corners[f, k, 0]
+                y += shares[s, k] * corners[f, k, 1]
+                z += shares[s, k] * corners[f, k, 2]
+            at = floor((x - origin_x) / cell) * shape_y + floor((y - origin_y) / cell)
+            winding = 0 if up[f] else -1
+            for e in range(starts[at], starts[at + 1]):
+                g = entries[e]
+                if g == f or x < boxes[g, 0] or x > boxes[g, 3] or y < boxes[g, 1] or y > boxes[g, 4]:
+                    continue
+                if planes[g, 0] + planes[g, 1] * x + planes[g, 2] * y <= z + THINNEST:
+                    continue
+                sides = 0
+                for k in range(3):
+                    m = (k + 1) % 3
+                    ex, ey = corners[g, m, 0] - corners[g, k, 0], corners[g, m, 1] - corners[g, k, 1]
+                    sides += 1 if ex * (y - corners[g, k, 1]) - ey * (x - corners[g, k, 0]) >= 0.0 else -1
+                if abs(sides) == 3:
+                    winding += 1 if up[g] else -1
+            if winding < 0:
+                return True
+    return False
 
 
 @compiled

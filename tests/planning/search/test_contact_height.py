@@ -16,6 +16,7 @@ from packenv.planning.search.contact_height import (
     ExactPile,
     FacesByCell,
     contact_height,
+    inside_out,
     lower_faces,
     upper_faces,
 )
@@ -159,6 +160,38 @@ def test_what_one_item_is_told_is_not_told_to_another() -> None:
     alone = {name: told([name])[name] for name in names}
     assert len(set(alone.values())) > 1
     assert told(names) == told(names[::-1]) == alone
+
+
+def fold(upside: float) -> Item:
+    """A plate with a smaller plate beside it, above it or below it whose surface is inside out, as scans have folds."""
+    plate = trimesh.creation.box((0.08, 0.08, 0.01))
+    other = trimesh.creation.box((0.03, 0.03, 0.01))
+    other.apply_translation([0.01, 0.0, 0.02 * upside])
+    other.invert()
+    return as_item(trimesh.util.concatenate([plate, other]), "fold")
+
+
+@pytest.mark.parametrize("upside", [1.0, -1.0])
+def test_what_is_inside_out_holds_and_is_held(upside: float) -> None:
+    item = fold(upside)
+    assert inside_out(item)
+    heap = Heap()
+    heap.put(item, 20, 20)
+    assert heap.put(box(0.01, 0.01, 0.02), 42, 38)[0] == pytest.approx(0.03, abs=2e-6)
+    assert heap.put(item, 70, 70)[0] == 0.0
+    heap = Heap()
+    heap.put(box(0.01, 0.01, 0.02), 42, 38)
+    z, _ = heap.put(item, 20, 20)
+    assert z == pytest.approx(0.02, abs=2e-6)
+    assert heap.sound()
+
+
+def test_no_sound_surface_counts_as_inside_out() -> None:
+    assert not any(inside_out(item) for item in SHAPES)
+    catalogue = open_catalogue("builtin")
+    assert not any(inside_out(catalogue.item(name)) for name in catalogue.names)
+    turned = ball(0.03)
+    assert inside_out(Item(**{**turned.__dict__, "faces": turned.faces[:, ::-1]}))
 
 
 SHAPES = (ball(0.03), box(0.06, 0.05, 0.03), cup(0.035, 0.06), cylinder(0.025, 0.05), cone(0.7))
