@@ -156,7 +156,11 @@ class Anytime:
             order = sorted(within, key=list(sequence).index)
             if order and not enough(first):
                 trails = Trails(
-                    list(single_passes(self.first.members, self.aim)), items, container, start, self.aim
+                    list(single_passes(self.first.members, margins=self.margins_first(first))),
+                    items,
+                    container,
+                    start,
+                    self.aim,
                 )
                 chains = [
                     Chain(trails, (self.seed, k), self.better, enough, self.clock) for k in range(CHAINS)
@@ -184,6 +188,10 @@ class Anytime:
     def hurried(self, seconds: float) -> bool:
         """Whether a pass takes so many seconds that the search had better begin at once."""
         return self.budget.seconds is not None and seconds > QUICK * self.budget.seconds
+
+    def margins_first(self, first: Packing) -> bool:
+        """Whether a margin goes before a better place: where all items have one, or margins are the aim."""
+        return self.aim == "robust" or (self.aim == "height" and not first.lost)
 
     def team(self, chains: Sequence[Chain]) -> Team:
         """The chains in as many processes as are asked for."""

@@ -211,18 +211,18 @@ def _top(placements: Iterable[Placement]) -> float:
     return max((float(p.corner[2] + p.extents[2]) for p in placements), default=0.0)
 
 
-def single_passes(members: Sequence[Planner], aim: Goal) -> Iterator[PassRules]:
-    """The rules of trails: stable poses alone, and where all items are the aim, no margin before a better place.
+def single_passes(members: Sequence[Planner], *, margins: bool) -> Iterator[PassRules]:
+    """The rules of trails: stable poses alone.
 
     Where exact places are tried, another trail tries the grid alone: in the time of one there are five of those.
 
     Args:
         members: planners that differ in their heuristic alone.
-        aim: what is better.
+        margins: whether a margin goes before a better place, where the members want one.
     """
     for member in members:
         strategy, rules = member.strategy, on_stable_poses(member)
-        if aim in ("items", "box") and strategy.last_resorts:
+        if not margins and strategy.last_resorts:
             bare = Strategy(first=tuple(strategy.last_resorts[-1]), clearance=strategy.clearance)
             rules = replace(rules, strategy=bare)
         yield rules

@@ -44,7 +44,7 @@ def trails_of(options: PlanOptions) -> tuple[Trails, list[str]]:
     shelf = shelf_of(ITEMS, GRID)
     search = packer(options, assemble(options, shelf, BOX), shelf.shapes)
     assert isinstance(search, Anytime)
-    rules = list(single_passes(search.first.members, options.goal))
+    rules = list(single_passes(search.first.members, margins=options.goal == "robust"))
     return Trails(rules, shelf.prepared, BOX, None), by_box_volume(NAMES, shelf.prepared)
 
 
