@@ -90,6 +90,7 @@ class Anytime:
         workers: processes to search in; 1 is this one.
         clock: tells seconds; with more workers, the same ones in all of them.
         found: is told of the first plan and of every better one.
+        known: a plan to begin with in place of those that it makes; None makes them.
     """
 
     first: Portfolio
@@ -101,6 +102,7 @@ class Anytime:
     workers: int = 1
     clock: Callable[[], float] = time.monotonic
     found: Callable[[Packing], None] = lambda packing: None
+    known: Packing | None = None
 
     def __enter__(self) -> Anytime:
         """The search."""
@@ -144,10 +146,11 @@ class Anytime:
         record = _Record(self, began)
         deadline, enough = Deadline(float(end), self.clock), WholeIsEnough(self.aim)
         try:
-            first = self.quick(deadline, record).pack(sequence, items, container, start)
+            record.best = self.known
+            first = self.known or self.quick(deadline, record).pack(sequence, items, container, start)
             if enough(first) or deadline.passed:
                 return first, False
-            if not self.hurried(self.clock() - began):
+            if self.known is None and not self.hurried(self.clock() - began):
                 share = Deadline(began + CAREFUL * (float(end) - began), self.clock)
                 whole = replace(self.first, until=share, found=record.keep)
                 first = whole.pack(sequence, items, container, start)

@@ -1,8 +1,8 @@
-"""A search in the sequence first, then layouts: one often packs what the other does not (``--method auto``)."""
+"""A search in the sequence and layouts by turns: one often packs what the other does not (``--method auto``)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from packenv.geometry.prepare import PreparedItem
@@ -13,10 +13,16 @@ from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting
 from packenv.types import Container
 
+GLANCE = 0.05
+"""Share of a budget after which layouts begin where they do not wait for the search."""
+
 
 @dataclass(frozen=True, eq=False)
 class Relay:
-    """Searches for half of the budget; the rest is for layouts, where an item is left over that may have a place.
+    """Divides a budget between a search and layouts, while an item is left over that may have a place.
+
+    Under the non-overlap constraints alone layouts begin soon, and the search comes back after half of the budget.
+    Else the search has the first half: layouts know nothing of other constraints.
 
     Attributes:
         search: the search, with the whole budget.
@@ -53,20 +59,47 @@ class Relay:
             container: likewise.
             start: likewise.
         """
-        clock, whole = self.search.clock, self.search.budget
-        began = clock()
-        half = None if whole.plans is None else whole.plans // 2
-        first = Budget(None if whole.seconds is None else whole.seconds / 2, half)
-        packing, stopped = replace(self.search, budget=first).search(sequence, items, container, start)
-        hopeless = any(left.reason not in PERHAPS for left in packing.leftovers)
-        if stopped or hopeless or not packing.lost:
-            return packing
-        rest = Budget(
-            None if whole.seconds is None else max(0.0, whole.seconds - (clock() - began)),
-            None if whole.plans is None or half is None else whole.plans - half,
-        )
-        layouts = replace(self.layouts, budget=rest, otherwise=_Given(packing))
-        return layouts.pack(sequence, items, container, start)
+        left, soon = _Left(self.search.budget, self.search.clock), not self.layouts.planner.constraints
+        search = replace(self.search, budget=left.until(GLANCE if soon else 0.5))
+        best, stopped = search.search(sequence, items, container, start)
+        if stopped or not best.lost:
+            return best
+        if all(lost.reason in PERHAPS for lost in best.leftovers):
+            budget = left.until(0.5 if soon else 1.0)
+            layouts = replace(self.layouts, budget=budget, otherwise=_Given(best))
+            best, stopped = layouts.search_layouts(sequence, items, container, start)
+        if stopped or not best.lost or not soon:
+            return best
+        search = replace(self.search, budget=left.until(1.0), known=best)
+        return search.pack(sequence, items, container, start)
+
+
+@dataclass(eq=False)
+class _Left:
+    """What is left of a budget.
+
+    Attributes:
+        whole: the budget.
+        clock: tells seconds.
+        spent: plans that were given away.
+    """
+
+    whole: Budget
+    clock: Callable[[], float]
+    spent: int = 0
+
+    def __post_init__(self) -> None:
+        self._began = self.clock()
+
+    def until(self, share: float) -> Budget:
+        """What there is until a share of the whole is spent."""
+        seconds, plans = self.whole.seconds, self.whole.plans
+        if plans is not None:
+            before, self.spent = self.spent, int(share * plans)
+            plans = self.spent - before
+        if seconds is not None:
+            seconds = max(0.0, share * seconds - (self.clock() - self._began))
+        return Budget(seconds, plans)
 
 
 @dataclass(frozen=True, eq=False)

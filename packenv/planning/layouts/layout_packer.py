@@ -140,6 +140,16 @@ class LayoutPacker:
         start: Pile | None = None,
     ) -> Packing:
         """Pack items, see :meth:`Planner.pack`; ``made_by`` says whether a layout or the planner did."""
+        return self.search_layouts(sequence, items, container, start)[0]
+
+    def search_layouts(
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
+    ) -> tuple[Packing, bool]:
+        """As :meth:`pack`, and whether somebody stopped it."""
         fits = sum(items[name].volume for name in sequence) <= container.volume
         seconds, rounds = self.budget.seconds, self.budget.plans
         effort = Effort(
@@ -150,6 +160,7 @@ class LayoutPacker:
         rng = np.random.default_rng(self.planner.seed)
         pieces = self.movables(sequence, items, container, start)
         found: list[Packing] = []
+        stopped = False
 
         def try_out(arrangement: Arrangement) -> bool:
             packing = self.lowered(arrangement, pieces, sequence, items, container, start)
@@ -164,12 +175,13 @@ class LayoutPacker:
                 promising = _Promising(try_out)
                 arrangement = self.arrange(pieces, container, start, rng, effort, promising)
                 if promising.done or (arrangement.overlap and try_out(arrangement)):
-                    return found[-1]
+                    return found[-1], False
         except KeyboardInterrupt:
+            stopped = True
             self.report(STOPPED)
         if not any(packing.complete for packing in found):
             found.append(self.otherwise.pack(sequence, items, container, start))
-        return max(found, key=self.better)
+        return max(found, key=self.better), stopped
 
     def tell(self, packing: Packing, effort: Effort) -> None:
         """Say what a layout became."""
