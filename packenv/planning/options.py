@@ -135,8 +135,8 @@ class PlanOptions:
         method: ``search``: one item after another (the paper). By layouts of all items at once that become plans
             (:mod:`packenv.planning.layouts`): ``separate``: overlaps are moved out; ``gls``: guided local search.
             For these ``budget`` and ``plans`` say how long to go on, 20 seconds where neither is given; a round of
-            moves of all pieces counts as a plan. ``auto``: ``search``, and ``separate`` for the rest of a budget half
-            of which did not place all items. Smaller boxes of several are tried by ``search``.
+            moves of all pieces counts as a plan. ``auto``: ``search`` and ``separate`` by turns, each for a part of a
+            budget, until all items are placed. Smaller boxes of several are tried by ``search``.
         sequence: ``volume``: the largest bounding box first (the paper); ``given``: as the order has it.
         restarts: how often an incomplete order is planned again with its leftovers first; the paper: 0.
         budget: seconds in which better plans are searched for (:mod:`packenv.planning.anytime`); None makes the
@@ -219,8 +219,8 @@ class PlanOptions:
         "auto",
         "search: items are placed one after another; separate and gls: all are in the box from the start and "
         "overlaps are moved out, by separation or by guided local search, before a sequence is looked for in which "
-        "they can be lowered, for 20 seconds, or as budget and plans say; auto: search, and separate for the rest of "
-        "a budget half of which did not place all items",
+        "they can be lowered, for 20 seconds, or as budget and plans say; auto: search and separate by turns, each for "
+        "a part of a budget, until all items are placed",
     )
     sequence: Sequencing = _words(
         Sequencing, "volume", "by non-increasing bounding-box volume, or as the order gives it"
