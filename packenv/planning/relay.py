@@ -15,6 +15,8 @@ from packenv.types import Container
 
 GLANCE = 0.05
 """Share of a budget after which layouts begin where they do not wait for the search."""
+MOSTLY = 0.75
+"""The same where they do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,7 @@ class Relay:
     """Divides a budget between a search and layouts, while an item is left over that may have a place.
 
     Under the non-overlap constraints alone layouts begin soon, and the search comes back after half of the budget.
-    Else the search has the first half: layouts know nothing of other constraints.
+    Else layouts have the last quarter: they know nothing of other constraints.
 
     Attributes:
         search: the search, with the whole budget.
@@ -60,7 +62,7 @@ class Relay:
             start: likewise.
         """
         left, soon = _Left(self.search.budget, self.search.clock), not self.layouts.planner.constraints
-        search = replace(self.search, budget=left.until(GLANCE if soon else 0.5))
+        search = replace(self.search, budget=left.until(GLANCE if soon else MOSTLY))
         best, stopped = search.search(sequence, items, container, start)
         if stopped or not best.lost:
             return best
