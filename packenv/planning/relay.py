@@ -68,7 +68,7 @@ class Relay:
             return best
         if all(lost.reason in PERHAPS for lost in best.leftovers):
             budget = left.until(0.5 if soon else 1.0)
-            layouts = replace(self.layouts, budget=budget, otherwise=_Given(best))
+            layouts = replace(self.layouts, budget=budget, known=best)
             best, stopped = layouts.search_layouts(sequence, items, container, start)
         if stopped or not best.lost or not soon:
             return best
@@ -102,28 +102,3 @@ class _Left:
         if seconds is not None:
             seconds = max(0.0, share * seconds - (self.clock() - self._began))
         return Budget(seconds, plans)
-
-
-@dataclass(frozen=True, eq=False)
-class _Given:
-    """What a packer falls back to: a packing that is known."""
-
-    packing: Packing
-
-    def __enter__(self) -> _Given:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def pile(self, surface: ContainerMap, resting: Sequence[Resting]) -> Pile:
-        return Pile(surface)
-
-    def pack(
-        self,
-        sequence: Sequence[str],
-        items: Mapping[str, PreparedItem],
-        container: Container,
-        start: Pile | None = None,
-    ) -> Packing:
-        return self.packing

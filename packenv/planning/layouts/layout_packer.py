@@ -107,6 +107,7 @@ class LayoutPacker:
         clock: tells seconds.
         report: is told of every better packing, a line each.
         found: is given the packing of every layout that is tried out.
+        known: a plan that is kept where no layout becomes a better one, in place of what ``otherwise`` packs.
     """
 
     planner: Planner
@@ -119,6 +120,7 @@ class LayoutPacker:
     clock: Callable[[], float] = time.perf_counter
     report: Callable[[str], None] = lambda line: None
     found: Callable[[Packing], None] = lambda packing: None
+    known: Packing | None = None
 
     def __enter__(self) -> LayoutPacker:
         """The packer."""
@@ -180,7 +182,7 @@ class LayoutPacker:
             stopped = True
             self.report(STOPPED)
         if not any(packing.complete for packing in found):
-            found.append(self.otherwise.pack(sequence, items, container, start))
+            found.append(self.known or self.otherwise.pack(sequence, items, container, start))
         return max(found, key=self.better), stopped
 
     def tell(self, packing: Packing, effort: Effort) -> None:
