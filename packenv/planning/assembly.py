@@ -47,6 +47,7 @@ MARGIN = MarginRule()
 """What a pile survives under ``--stability margin``."""
 FAR = 0.75
 """The robot is asked before force balance where it reaches less of the container."""
+AWAY = 0.02
 EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
 
@@ -331,12 +332,15 @@ def _cautious(
         return margin(cells), Tier(cells)
 
     roomy, tight = tuple(tier for cells in levels[:-1] for tier in both(cells)), both(0)
+    away = tuple(Tier(cells, shaky=True, apart=AWAY) for cells in levels[:-1])
+    bare = tuple(Tier(cells, shaky=True) for cells in levels[:-1])
+    rounds = (tuple(margin(c) for c in levels[:-1]), (margin(0),), (*away, *bare), (Tier(0, shaky=True, apart=AWAY), Tier(0, shaky=True)))
     if options.search == "5d":  # which knows no fallback
         return replace(strategy, first=(*roomy, *tight))
     return replace(
         strategy,
         first=tuple(margin(cells) for cells in levels[:-1] or (0,)),
-        fallback=(roomy, tight) if roomy else (tight,),
+        fallback=rounds if roomy else (tight,),
         restart_tiers=(*roomy, *tight),
         last_resorts=as_paper(levels),
     )

@@ -27,7 +27,7 @@ from packenv.planning.search.fitting import fitting_orientations
 from packenv.planning.search.heuristics import Heuristic
 from packenv.planning.search.measured import Resting
 from packenv.planning.search.places import ExactPlaces
-from packenv.planning.sequence import PackingSequence, Piece, pieces_of
+from packenv.planning.sequence import Piece, pieces_of
 from packenv.planning.tiers import Strategy, Tier, in_tier, still_open
 from packenv.robot.cell import RELEASE_HEIGHT
 from packenv.types import Container, FloatArray, IntArray, Item, Leftover, OrientedItem, Placement
@@ -123,6 +123,7 @@ class PackingPass:
     surfaces: list[ContainerMap] = field(default_factory=list)
     makeshift: list[str] = field(default_factory=list)
     risk: float = 0.0
+    shaky: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.planner.seed)
@@ -140,43 +141,39 @@ class PackingPass:
             why = barrier(self.planner.constraints, (self.items[name] for name in dict.fromkeys(sequence)))
             if why is not None:
                 return self.given_up(pieces, why, "unreachable-container")
-        waiting = PackingSequence(pieces)
-        rejections: dict[Piece, Counter[str]] = {}
-        leftovers: list[Leftover] = []
+        rounds = self.planner.strategy.fallback or (self.planner.strategy.first,)
         held = self.pile.held
-        while (piece := waiting.current) is not None:
-            refusal = self.planner.admission.refusal(piece.item, held, self.container)
-            if refusal is not None:
-                reason, why = refusal
-                if self.planner.give_up:
-                    return self.given_up(pieces, why)
-                leftovers.append(Leftover(piece.item, piece.instance, reason, why))
-                waiting.give_up()
-                continue
-            if waiting.stage == 0:
-                rejected = self.first_pass(piece)
-                if rejected is not None:
-                    rejections[piece] = rejected
-                    if self.planner.give_up and not self.fits_alone(piece.item):
-                        return self.given_up(pieces, f"{piece.item} does not fit the empty container")
-                    waiting.defer()
-                    continue
-            else:
-                rejected = self.fall_back(piece, rejections[piece])
-                if rejected is not None:
-                    leftovers.append(self.leftover(self.items[piece.item], piece, rejected))
+        waiting = {piece: Counter[str]() for piece in pieces}
+        lost: dict[Piece, Leftover] = {}
+        for k, tiers in enumerate((None, *rounds)):
+            for piece in [piece for piece in waiting if piece not in lost]:
+                refusal = self.planner.admission.refusal(piece.item, held, self.container)
+                if refusal is not None:
                     if self.planner.give_up:
-                        return self.given_up(pieces, f"{piece.item}: {leftovers[0].detail}")
-                    waiting.give_up()
+                        return self.given_up(pieces, refusal[1])
+                    lost[piece] = Leftover(piece.item, piece.instance, *refusal)
                     continue
-            waiting.placed()
-            held = self.planner.admission.with_item(held, piece.item)
+                if tiers is None:
+                    rejected = self.first_pass(piece)
+                else:
+                    rejected = self.fall_back(piece, tiers, waiting[piece])
+                if rejected is None:
+                    held = self.planner.admission.with_item(held, piece.item)
+                    del waiting[piece]
+                    continue
+                waiting[piece] = rejected
+                if tiers is None and self.planner.give_up and not self.fits_alone(piece.item):
+                    return self.given_up(pieces, f"{piece.item} does not fit the empty container")
+                if k == len(rounds):
+                    lost[piece] = self.leftover(self.items[piece.item], piece, rejected)
+                    if self.planner.give_up:
+                        return self.given_up(pieces, f"{piece.item}: {lost[piece].detail}")
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(
             self.container,
             tuple(self.placements),
-            tuple(leftovers),
+            tuple(lost.values()),
             tuple(self.surfaces),
             share,
             tuple(self.makeshift),
@@ -225,18 +222,25 @@ class PackingPass:
         for k, group in enumerate(perturbed(name)):
             yield first if k == 0 and first is not self.items[name].orientations else group
 
-    def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
-        """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones."""
-        planner, strategy = self.planner, self.planner.strategy
+    def fall_back(
+        self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]
+    ) -> Counter[str] | None:
+        """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones.
+
+        Args:
+            piece: was deferred.
+            tiers: of this round of the fallback.
+            rejections: of the piece until now.
+        """
+        planner = self.planner
         if planner.perturbations is None or planner.search == "5d" or planner.until.passed:
             return rejections
-        for tiers in strategy.fallback or (strategy.first,):
-            for k, group in enumerate(self.groups(piece.item)):
-                route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
-                rejected = self.attempt(piece, group, route, rejections, asked)
-                if rejected is None:
-                    return None
-                rejections = rejected
+        for k, group in enumerate(self.groups(piece.item)):
+            route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
+            rejected = self.attempt(piece, group, route, rejections, asked)
+            if rejected is None:
+                return None
+            rejections = rejected
         return rejections
 
     def attempt(
@@ -254,11 +258,13 @@ class PackingPass:
         if not possible:
             return inquiry.rejections
         for tier in tiers or planner.strategy.first:
+            if tier.apart and not self.shaky:
+                continue  # the tier without this preference comes next
             candidates = grid_search(
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
             scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
-            worth = self.worth_asking(candidates, inquiry)
+            worth = self.worth_asking(candidates, inquiry, tier)
             candidates, scores = candidates.only(worth), scores[worth]
             if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
                 finder = ExactPlaces(planner.heuristic, self.rng)
@@ -270,15 +276,23 @@ class PackingPass:
                     planner.grid.step_cells,
                     self.most(tier),
                 )
-                worth = self.worth_asking(candidates, inquiry)
+                worth = self.worth_asking(candidates, inquiry, tier)
                 candidates, scores = candidates.only(worth), scores[worth]
             if len(candidates) and self.among(candidates, scores, tier, piece, route, inquiry):
                 return None
         return inquiry.rejections
 
-    def worth_asking(self, candidates: Candidates, inquiry: Inquiry) -> IntArray:
-        """Indices of the candidates that no constraint refuses at sight, and that may come below the ceiling."""
+    def worth_asking(self, candidates: Candidates, inquiry: Inquiry, tier: Tier) -> IntArray:
+        """Indices of the candidates that no constraint refuses at sight, and that are where a tier looks.
+
+        That is below the ceiling, and aside from what may not stay.
+        """
         open_ = inquiry.screened(candidates)
+        if tier.apart:
+            ends = candidates.places + candidates.extents[:, :2]
+            for low, high in self.shaky:
+                beside = (ends < low - tier.apart) | (candidates.places > high + tier.apart)
+                open_ &= beside.any(axis=1)
         if self.planner.ceiling < math.inf:
             open_ &= candidates.z + candidates.extents[:, 2] <= self.planner.ceiling + _SINKS
         return np.flatnonzero(open_)
@@ -338,6 +352,9 @@ class PackingPass:
             # Whoever keeps many packings does not want the meshes of every step.
             surface = self.pile.surface
             self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
+            if tier.shaky:
+                low = placement.corner[:2]
+                self.shaky.append((low, low + placement.extents[:2]))
             if tier.risk:
                 self.makeshift.append(piece.item)
                 self.risk += tier.risk

@@ -25,6 +25,8 @@ class Tier:
             and one failure there tells of the rest. None takes them as they come.
         risk: how bad such a placement is, on a scale of the caller's; above 0 it is makeshift: better than
             nothing, but a restart with such items first is worth trying.
+        shaky: what is placed so may not stay where it is put.
+        apart: how far aside from items that may not stay a candidate is, m.
     """
 
     clearance: int = 0
@@ -32,6 +34,8 @@ class Tier:
     max_checked: int | None = None
     each: int | None = None
     risk: float = 0.0
+    shaky: bool = False
+    apart: float = 0.0
 
     def rules(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
         """The constraints that this tier asks, one for each of the planner's."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,7 @@ from packenv.planning.packing_pass import PackingPass
 from packenv.planning.search.container_map import PolyphaseMap
 from packenv.planning.search.places import PlaceList, listed, lowered
 from packenv.planning.sequence import Piece
+from packenv.planning.tiers import Tier
 from packenv.types import FloatArray, OrientedItem
 
 _ASIDE = 3
@@ -83,9 +84,11 @@ class LayoutPass(PackingPass):
                 return True
         return False
 
-    def fall_back(self, piece: Piece, rejections: Counter[str]) -> Counter[str] | None:
+    def fall_back(
+        self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]
+    ) -> Counter[str] | None:
         """Anywhere: also where heights only grow, for its place was the only one that was tried."""
-        found = super().fall_back(piece, rejections)
+        found = super().fall_back(piece, tiers, rejections)
         if found is None or self.planner.perturbations is not None:
             return found
         return self.attempt(piece, self.orientations(piece.item), "later", found)
