@@ -12,6 +12,7 @@ import numpy as np
 from packenv.geometry.transforms import angle_between
 from packenv.planning.assembly import (
     EACH_WITH_MARGIN,
+    MARGIN,
     PlanningItems,
     as_paper,
     assemble,
@@ -209,7 +210,7 @@ def make_planner(
     strict = PhysicsConstraint(physics, scratch, items.shapes, STRICT, careful_drops)
     lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, exact)
     inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, exact)
-    careful, levels = with_margin(planner.constraints), clearances(options.clearance, options.grid)
+    careful, levels = with_margin(planner.constraints, MARGIN), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:
         return Tier(cells, careful, each=EACH_WITH_MARGIN, risk=_risk(cells, strict))
@@ -237,6 +238,8 @@ def make_planner(
         restart_tiers=(*first, margin(0), tried(0, strict)) if roomy else None,
         # Rather a risk than an order that is not packed: as the paper plans, first with physics' own pile.
         last_resorts=((last_resort,), *as_paper(levels, {no_drop.name: no_drop})),
+        clearance=levels[0],
+        roomy=None,
     )
     return replace(planner, constraints=(*planner.constraints, strict), strategy=strategy)
 

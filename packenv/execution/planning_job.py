@@ -154,7 +154,7 @@ class PlanningJob:
         strategy = planner.strategy
         if self.options.stability == "cautious":
             for tiers in strategy.last_resorts[:1]:
-                yield replace(planner, strategy=replace(strategy, first=tiers, fallback=None))
+                yield replace(planner, strategy=replace(strategy, first=tiers, fallback=None, roomy=None))
 
     def rehearse(
         self, box: Container, sequence: Sequence[str], first: Packing | None, lies: Start | None = None

@@ -44,6 +44,8 @@ LAYOUT_SECONDS = 20.0
 """How long layouts are looked for where nothing else is asked."""
 _SEARCHES: Mapping[str, Callable[[], LayoutSearch]] = {"separate": Separation, "gls": GuidedLocalSearch}
 MARGIN = MarginRule()
+ALONE = replace(MARGIN, aside=0.004)
+HALF = MarginRule(3.0, 0.4, 0.002)
 """What a pile survives under ``--stability margin``."""
 FAR = 0.75
 """The robot is asked before force balance where it reaches less of the container."""
@@ -102,9 +104,9 @@ def clearances(clearance: float, grid: GridConfig) -> tuple[int, ...]:
     return tuple(dict.fromkeys((widest, math.ceil(widest / 3), 0)))
 
 
-def with_margin(constraints: Sequence[Constraint]) -> dict[str, Constraint]:
+def with_margin(constraints: Sequence[Constraint], rule: MarginRule) -> dict[str, Constraint]:
     """The stability constraint among them, on the same states, that also asks a new item for a margin."""
-    return {c.name: replace(c, alone=MARGIN) for c in constraints if isinstance(c, StabilityConstraint)}
+    return {c.name: replace(c, alone=rule) for c in constraints if isinstance(c, StabilityConstraint)}
 
 
 def heuristic_of(options: PlanOptions) -> Heuristic:
@@ -323,24 +325,43 @@ def _cautious(
     An order that leaves something over is planned again with those items first, with or without a margin, and
     in the end as without this preference.
     """
-    careful = with_margin(constraints)
+    careful = with_margin(constraints, MARGIN)
 
     def margin(cells: int) -> Tier:
         return Tier(cells, careful, each=EACH_WITH_MARGIN)
 
-    def both(cells: int) -> tuple[Tier, Tier]:
-        return margin(cells), Tier(cells)
-
-    roomy, tight = tuple(tier for cells in levels[:-1] for tier in both(cells)), both(0)
-    away = tuple(Tier(cells, shaky=True, apart=AWAY) for cells in levels[:-1])
-    bare = tuple(Tier(cells, shaky=True) for cells in levels[:-1])
-    rounds = (tuple(margin(c) for c in levels[:-1]), (margin(0),), (*away, *bare), (Tier(0, shaky=True, apart=AWAY), Tier(0, shaky=True)))
+    tight = (margin(0), Tier(0))
     if options.search == "5d":  # which knows no fallback
-        return replace(strategy, first=(*roomy, *tight))
+        return replace(
+            strategy, first=tuple(tier for cells in levels for tier in (margin(cells), Tier(cells)))
+        )
     return replace(
         strategy,
-        first=tuple(margin(cells) for cells in levels[:-1] or (0,)),
-        fallback=rounds if roomy else (tight,),
-        restart_tiers=(*roomy, *tight),
-        last_resorts=as_paper(levels),
+        first=(margin(0),),
+        fallback=(tight,),
+        restart_tiers=tight,
+        last_resorts=as_paper((0,)),
+        clearance=0,
+        roomy=_roomy(constraints, levels) if levels[0] else None,
+    )
+
+
+def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy:
+    """One pass with clearance: what may not stay where it is put comes last, and aside from others of its kind."""
+    careful, half = with_margin(constraints, ALONE), with_margin(constraints, HALF)
+    room = [cells for cells in levels if cells]
+    aside = ((AWAY, 0.2), (0.0, 1.0))
+    return Strategy(
+        tuple(Tier(cells, careful, each=EACH_WITH_MARGIN) for cells in room),
+        (
+            tuple(Tier(cells, careful, each=EACH_WITH_MARGIN, leaning=False) for cells in levels),
+            tuple(
+                Tier(c, half, each=EACH_WITH_MARGIN, risk=r, shaky=True, apart=a, leaning=False)
+                for a, r in aside
+                for c in levels
+            ),
+            tuple(Tier(c, risk=r, shaky=True, apart=a) for a, r in aside for c in room),
+            tuple(Tier(0, risk=r, shaky=True, apart=a) for a, r in aside),
+        ),
+        clearance=levels[0],
     )

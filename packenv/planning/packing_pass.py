@@ -145,7 +145,7 @@ class PackingPass:
         held = self.pile.held
         waiting = {piece: Counter[str]() for piece in pieces}
         lost: dict[Piece, Leftover] = {}
-        for k, tiers in enumerate((None, *rounds)):
+        for k, tiers in enumerate(((), *rounds)):
             for piece in [piece for piece in waiting if piece not in lost]:
                 refusal = self.planner.admission.refusal(piece.item, held, self.container)
                 if refusal is not None:
@@ -153,16 +153,13 @@ class PackingPass:
                         return self.given_up(pieces, refusal[1])
                     lost[piece] = Leftover(piece.item, piece.instance, *refusal)
                     continue
-                if tiers is None:
-                    rejected = self.first_pass(piece)
-                else:
-                    rejected = self.fall_back(piece, tiers, waiting[piece])
+                rejected = self.fall_back(piece, tiers, waiting[piece]) if k else self.first_pass(piece)
                 if rejected is None:
                     held = self.planner.admission.with_item(held, piece.item)
                     del waiting[piece]
                     continue
                 waiting[piece] = rejected
-                if tiers is None and self.planner.give_up and not self.fits_alone(piece.item):
+                if not k and self.planner.give_up and not self.fits_alone(piece.item):
                     return self.given_up(pieces, f"{piece.item} does not fit the empty container")
                 if k == len(rounds):
                     lost[piece] = self.leftover(self.items[piece.item], piece, rejected)
@@ -222,9 +219,7 @@ class PackingPass:
         for k, group in enumerate(perturbed(name)):
             yield first if k == 0 and first is not self.items[name].orientations else group
 
-    def fall_back(
-        self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]
-    ) -> Counter[str] | None:
+    def fall_back(self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]) -> Counter[str] | None:
         """Lines 15 to 30: the stable poses again on the pile of now, then perturbed ones.
 
         Args:
@@ -236,6 +231,8 @@ class PackingPass:
         if planner.perturbations is None or planner.search == "5d" or planner.until.passed:
             return rejections
         for k, group in enumerate(self.groups(piece.item)):
+            if k and not tiers[-1].leaning:
+                break
             route, asked = ("later", tiers) if k == 0 else ("5d", tiers[-1:])
             rejected = self.attempt(piece, group, route, rejections, asked)
             if rejected is None:
@@ -352,12 +349,12 @@ class PackingPass:
             # Whoever keeps many packings does not want the meshes of every step.
             surface = self.pile.surface
             self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
+            if tier.risk and (self.shaky or not tier.shaky):
+                self.makeshift.append(piece.item)
+                self.risk += tier.risk
             if tier.shaky:
                 low = placement.corner[:2]
                 self.shaky.append((low, low + placement.extents[:2]))
-            if tier.risk:
-                self.makeshift.append(piece.item)
-                self.risk += tier.risk
             return True
         return False
 

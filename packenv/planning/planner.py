@@ -56,6 +56,12 @@ class Planner(PassRules):
             start: what the container holds already; empty where None.
         """
         strategy, given = self.strategy, sequence
+        if strategy.roomy is not None:
+            roomy = PackingPass(replace(self, strategy=strategy.roomy), items, container, start).pack(
+                sequence
+            )
+            if roomy.complete:
+                return roomy
         best = PackingPass(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
         for k in range(strategy.restarts):
@@ -84,7 +90,9 @@ class Planner(PassRules):
         for tiers in strategy.last_resorts if strategy.restarts else ():
             if not best.improvable or self.until.passed:
                 break
-            resort = replace(strategy, first=tiers, fallback=(tiers,), restart_tiers=None, last_resorts=())
+            resort = replace(
+                strategy, first=tiers, fallback=(tiers,), restart_tiers=None, last_resorts=(), roomy=None
+            )
             found = replace(self, strategy=resort).pack(given, items, container, start)
             if len(found.placements) > len(best.placements):
                 best = found

@@ -15,6 +15,9 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Placement
 
+ROOMY = 2
+"""How many members try whether the order fits with clearance."""
+
 
 class Packer(Protocol):
     """What packs an order: a planner with one rule, or several of them."""
@@ -102,9 +105,16 @@ class Portfolio:
             return (packing.complete and not packing.risk) or self.until.passed
 
         members = [replace(member, until=self.until) for member in self.members]
+        roomy = (
+            replace(m, strategy=m.strategy.roomy) for m in members[:ROOMY] if m.strategy.roomy is not None
+        )
+        if any(best_possible(member) for member in roomy) or any(packing.complete for packing in found):
+            return max(found, key=self.better)
+        members = [replace(m, strategy=replace(m.strategy, roomy=None)) for m in members]
+        before = len(found)
         once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
         if not any(best_possible(member) for member in once):
-            tried = zip(members, found.copy(), strict=True)
+            tried = zip(members, found[before:], strict=True)
             nearest = sorted(tried, key=lambda pair: self.better(pair[1]), reverse=True)
             restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
             any(best_possible(member) for member in restarting if member.strategy.restarts)

@@ -27,6 +27,7 @@ class Tier:
             nothing, but a restart with such items first is worth trying.
         shaky: what is placed so may not stay where it is put.
         apart: how far aside from items that may not stay a candidate is, m.
+        leaning: in the fallback perturbed poses are tried, too.
     """
 
     clearance: int = 0
@@ -36,6 +37,7 @@ class Tier:
     risk: float = 0.0
     shaky: bool = False
     apart: float = 0.0
+    leaning: bool = True
 
     def rules(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
         """The constraints that this tier asks, one for each of the planner's."""
@@ -57,6 +59,8 @@ class Strategy:
             after another until one has placed every item, where restarts are allowed and none did. Such a
             plan has to place more items than those before it.
         clearance: cells that were asked for; where it is not 0, each placement tells what it got.
+        roomy: is tried before all else, in one pass, and decides where that places every item; None where
+            nothing is.
     """
 
     first: Sequence[Tier] = (Tier(),)
@@ -65,6 +69,7 @@ class Strategy:
     restart_tiers: Sequence[Tier] | None = None
     last_resorts: Sequence[Sequence[Tier]] = ()
     clearance: int = 0
+    roomy: Strategy | None = None
 
 
 def in_tier(

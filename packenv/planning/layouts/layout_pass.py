@@ -84,9 +84,7 @@ class LayoutPass(PackingPass):
                 return True
         return False
 
-    def fall_back(
-        self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]
-    ) -> Counter[str] | None:
+    def fall_back(self, piece: Piece, tiers: Sequence[Tier], rejections: Counter[str]) -> Counter[str] | None:
         """Anywhere: also where heights only grow, for its place was the only one that was tried."""
         found = super().fall_back(piece, tiers, rejections)
         if found is None or self.planner.perturbations is not None:

@@ -123,6 +123,7 @@ class StabilityChecker:
         coms: ArrayLike,
         tilts: FloatArray,
         new: int | None = None,
+        aside: float = 0.0,
     ) -> tuple[Solution, ...]:
         """Can the new item be balanced under each tilt while everything else is held? A necessary condition.
 
@@ -132,6 +133,7 @@ class StabilityChecker:
             coms: (n, 3) m.
             tilts: (d, 3) horizontal pulls in units of gravity.
             new: as in :meth:`check`.
+            aside: how far the item's centre of mass is off in the direction of each tilt, m.
 
         Returns:
             One solution for each tilt; one alone, which says unstable, where the item falls under any.
@@ -150,6 +152,7 @@ class StabilityChecker:
             com[new - 1],
             new,
             tilts[order],
+            aside=aside,
             mu=self.coefficients(own),
             sides=self.sides,
             gravity=self.gravity,
@@ -161,7 +164,7 @@ class StabilityChecker:
         eq = self.build(own, masses, com, np.array([new]))
         solutions: list[Solution] = []
         for tilt in tilts:
-            solution = solve_nnls(eq.tilted(tilt) if tilt.any() else eq)
+            solution = solve_nnls(eq.tilted(tilt, aside) if tilt.any() else eq)
             if solution.status == "unstable":
                 return (solution,)
             solutions.append(solution)

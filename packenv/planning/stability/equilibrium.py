@@ -137,16 +137,18 @@ class Equilibrium:
         up: FloatArray = -self.gravity / np.linalg.norm(self.gravity)
         return up
 
-    def tilted(self, tilt: FloatArray) -> Equilibrium:
+    def tilted(self, tilt: FloatArray, aside: float = 0.0) -> Equilibrium:
         """The same pile and the same pyramids with a horizontal pull added to gravity.
 
         Equilibrium does not depend on the size of gravity, so this is the pile on a tilted table.
 
         Args:
             tilt: (3,) pull in units of gravity; ``tan(angle)`` times a horizontal unit vector.
+            aside: how far centres of mass are off in the direction of the pull, m.
         """
         rhs = self.rhs.copy().reshape(-1, 6)
         rhs[:, :3] -= tilt
+        rhs[:, 3:] += off_centre(self.up, tilt[None], aside) / self.length
         return replace(self, rhs=rhs.ravel())
 
     def with_rhs(self, rhs: FloatArray) -> Equilibrium:
@@ -316,6 +318,7 @@ def falls_alone(
     body: int,
     tilts: FloatArray,
     *,
+    aside: float = 0.0,
     mu: FloatArray | float = 0.7,
     sides: int = 8,
     gravity: ArrayLike = GRAVITY,
@@ -332,6 +335,7 @@ def falls_alone(
         com: (3,) its centre of mass, m.
         body: its number.
         tilts: (d, 3) horizontal pulls in units of gravity, the most likely to refute it first.
+        aside: how far its centre of mass is off in the direction of the pull, m.
         mu: as in :func:`build_equilibrium`.
         sides: likewise.
         gravity: likewise.
@@ -345,6 +349,7 @@ def falls_alone(
     up, level = _upward(pull)
     loads = np.zeros((len(tilts), 6))
     loads[:, :3] = up - tilts
+    loads[:, 3:] = off_centre(up, tilts, aside) / length
     coefficients = np.empty(len(contacts))
     coefficients[:] = mu
     motion = np.empty(6)
@@ -364,6 +369,21 @@ def falls_alone(
         motion,
     )
     return motion if refuted >= 0 else None
+
+
+def off_centre(up: FloatArray, tilts: FloatArray, aside: float) -> FloatArray:
+    """(d, 3) m, torques per weight of what carries an item whose centre of mass is off the way of each pull.
+
+    Args:
+        up: (3,) unit vector against gravity.
+        tilts: (d, 3) horizontal pulls in units of gravity; one of none moves nothing.
+        aside: how far it is off, m.
+    """
+    if not aside:
+        return np.zeros_like(tilts)
+    sizes = np.linalg.norm(tilts, axis=1, keepdims=True)
+    ways = tilts / np.where(sizes == 0.0, 1.0, sizes)
+    return _cross(aside * ways, up - tilts)
 
 
 def _upward(gravity: FloatArray) -> tuple[FloatArray, FloatArray]:

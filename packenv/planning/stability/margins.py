@@ -49,6 +49,8 @@ class MarginRule:
     Attributes:
         tilt_deg: gravity tilted by this much in each of eight directions, degrees, 0 to below 90.
         mu: friction coefficient that is counted on; where the surfaces have less, theirs is.
+        aside: by so much a new item's centre of mass is off in the direction of each tilt, m, as of one that the
+            robot puts down beside its place; asked with everything else held alone.
 
     Raises:
         ValueError: a value is out of range.
@@ -56,6 +58,7 @@ class MarginRule:
 
     tilt_deg: float = 8.0
     mu: float = 0.25
+    aside: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -63,6 +66,8 @@ class MarginRule:
             raise ValueError(f"margin of {self.tilt_deg:g} degrees of tilt: give 0 or more, below 90")
         if not (np.isfinite(self.mu) and self.mu >= 0.0):
             raise ValueError(f"margin's friction coefficient {self.mu:g}: give a finite number, 0 or more")
+        if not (np.isfinite(self.aside) and self.aside >= 0.0):
+            raise ValueError(f"margin's offset {self.aside:g} m: give a finite number, 0 or more")
 
     def weakened(self, checker: StabilityChecker) -> StabilityChecker:
         """The checker with no more friction than the rule counts on."""
@@ -87,7 +92,7 @@ class MarginRule:
     ) -> tuple[Solution, ...]:
         """:meth:`StabilityChecker.balance_alone` with the rule's friction, under each of its tilts."""
         pulls = self.pulls(checker.gravity)
-        return self.weakened(checker).balance_alone(contacts, masses, coms, pulls, new)
+        return self.weakened(checker).balance_alone(contacts, masses, coms, pulls, new, self.aside)
 
 
 @dataclass(frozen=True, eq=False)

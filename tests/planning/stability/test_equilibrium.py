@@ -227,6 +227,27 @@ def test_one_item_falls_alone_exactly_where_the_solver_says_so():
     assert min(seen[True], seen[False]) >= 50
 
 
+def test_a_centre_of_mass_counts_where_it_is_said_to_be_off():
+    """The same answer as of an item whose centre of mass lies there; with a tolerance of torque about each."""
+    rng, seen = np.random.default_rng(22), Counter()
+    for _ in range(150):
+        p = piles.random_pile(rng)
+        up = -p.gravity / np.linalg.norm(p.gravity)
+        way = np.linalg.svd(up[None])[2][1]
+        for body in range(1, len(p.masses) + 1):
+            own = p.contacts.take((p.contacts.first == body) | (p.contacts.second == body))
+            com = p.coms[body - 1]
+            for tilt in (0.1 * way, -0.2 * way):
+                aside = float(rng.uniform(0.0, 0.3))
+                there = com + aside * tilt / np.linalg.norm(tilt)
+                moved = falls_alone(own, there, body, tilt[None], gravity=p.gravity)
+                said = falls_alone(own, com, body, tilt[None], aside=aside, gravity=p.gravity)
+                eq = build(p, free=[body]).tilted(tilt, aside)
+                assert (said is None) == (moved is None) == (solve_highs(eq).status == "stable")
+                seen[said is None] += 1
+    assert min(seen[True], seen[False]) >= 50
+
+
 def test_fast_solvers_agree_where_it_is_close():
     """A box whose centre of mass is d beyond its edge: all agree on both sides of the tolerance."""
     for d, expected in ((-1e-6, "stable"), (5e-8, "stable"), (1e-6, "unstable"), (1e-5, "unstable")):
