@@ -44,14 +44,18 @@ LAYOUT_SECONDS = 20.0
 """How long layouts are looked for where nothing else is asked."""
 _SEARCHES: Mapping[str, Callable[[], LayoutSearch]] = {"separate": Separation, "gls": GuidedLocalSearch}
 MARGIN = MarginRule()
-ALONE = replace(MARGIN, aside=0.004)
-HALF = MarginRule(3.0, 0.4, 0.002)
 """What a pile survives under ``--stability margin``."""
 FAR = 0.75
 """The robot is asked before force balance where it reaches less of the container."""
-AWAY = 0.02
 EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
+ASIDE = 0.004
+"""How far beside its place an item also has to stand under the margin rule where there is clearance, m: twice the
+standard deviation of a robot's errors."""
+LITTLE = MarginRule(3.0, 0.4, 0.002)
+"""What is asked there of an item that has no such place."""
+AWAY = 0.02
+"""How far aside from what may not stay where it was put others like it are placed, if there is such a place, m."""
 
 
 class PlanningItems(Protocol):
@@ -348,7 +352,8 @@ def _cautious(
 
 def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy:
     """One pass with clearance: what may not stay where it is put comes last, and aside from others of its kind."""
-    careful, half = with_margin(constraints, ALONE), with_margin(constraints, HALF)
+    careful = with_margin(constraints, replace(MARGIN, aside=ASIDE))
+    little = with_margin(constraints, LITTLE)
     room = [cells for cells in levels if cells]
     aside = ((AWAY, 0.2), (0.0, 1.0))
     return Strategy(
@@ -356,12 +361,13 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy
         (
             tuple(Tier(cells, careful, each=EACH_WITH_MARGIN, leaning=False) for cells in levels),
             tuple(
-                Tier(c, half, each=EACH_WITH_MARGIN, risk=r, shaky=True, apart=a, leaning=False)
+                Tier(c, little, each=EACH_WITH_MARGIN, risk=r, shaky=True, apart=a, leaning=False)
                 for a, r in aside
                 for c in levels
             ),
-            tuple(Tier(c, risk=r, shaky=True, apart=a) for a, r in aside for c in room),
+            tuple(Tier(c, risk=r, shaky=True, apart=a, leaning=False) for a, r in aside for c in room),
             tuple(Tier(0, risk=r, shaky=True, apart=a) for a, r in aside),
         ),
         clearance=levels[0],
+        brief=True,
     )

@@ -158,6 +158,8 @@ class PackingPass:
                     held = self.planner.admission.with_item(held, piece.item)
                     del waiting[piece]
                     continue
+                if k and self.planner.strategy.brief and rejected == waiting[piece]:
+                    return self.given_up(pieces, f"{piece.item} is not free of overlap anywhere")
                 waiting[piece] = rejected
                 if not k and self.planner.give_up and not self.fits_alone(piece.item):
                     return self.given_up(pieces, f"{piece.item} does not fit the empty container")

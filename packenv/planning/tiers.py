@@ -61,6 +61,7 @@ class Strategy:
         clearance: cells that were asked for; where it is not 0, each placement tells what it got.
         roomy: is tried before all else, in one pass, and decides where that places every item; None where
             nothing is.
+        brief: a pass ends with the first deferred item that has no candidate at all in a round of the fallback.
     """
 
     first: Sequence[Tier] = (Tier(),)
@@ -70,6 +71,7 @@ class Strategy:
     last_resorts: Sequence[Sequence[Tier]] = ()
     clearance: int = 0
     roomy: Strategy | None = None
+    brief: bool = False
 
 
 def in_tier(
