@@ -49,6 +49,10 @@ FAR = 0.75
 """The robot is asked before force balance where it reaches less of the container."""
 EACH_WITH_MARGIN = 12
 """Most candidates at one orientation that are checked for a margin where doing without is the alternative."""
+EACH_WITH_ROOM = 4
+"""The same where there is also clearance."""
+MOST_WITH_ROOM = 40
+"""Most candidates that are checked there."""
 ASIDE = 0.004
 """How far beside its place an item also has to stand under the margin rule where there is clearance, m: twice the
 standard deviation of a robot's errors."""
@@ -356,17 +360,23 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy
     little = with_margin(constraints, LITTLE)
     room = [cells for cells in levels if cells]
     aside = ((AWAY, 0.2), (0.0, 1.0))
+
+    def tiers(rules: dict[str, Constraint], *, each: int | None = EACH_WITH_ROOM) -> Iterator[Tier]:
+        """Of one degree of care: aside from what may not stay if possible."""
+        for apart, risk in aside:
+            for cells in room:
+                yield Tier(cells, rules, MOST_WITH_ROOM, each, risk, shaky=True, apart=apart, leaning=False)
+
+    def steady(cells: int) -> Tier:
+        return Tier(cells, careful, MOST_WITH_ROOM, EACH_WITH_ROOM, leaning=False)
+
     return Strategy(
-        tuple(Tier(cells, careful, each=EACH_WITH_MARGIN) for cells in room),
+        [steady(cells) for cells in room],
         (
-            tuple(Tier(cells, careful, each=EACH_WITH_MARGIN, leaning=False) for cells in levels),
-            tuple(
-                Tier(c, little, each=EACH_WITH_MARGIN, risk=r, shaky=True, apart=a, leaning=False)
-                for a, r in aside
-                for c in levels
-            ),
-            tuple(Tier(c, risk=r, shaky=True, apart=a, leaning=False) for a, r in aside for c in room),
-            tuple(Tier(0, risk=r, shaky=True, apart=a) for a, r in aside),
+            [steady(cells) for cells in room],
+            list(tiers(little)),
+            list(tiers({}, each=None)),
+            [replace(steady(0), risk=1.0), *(Tier(0, risk=1.0 + r, shaky=True, apart=a) for a, r in aside)],
         ),
         clearance=levels[0],
         brief=True,

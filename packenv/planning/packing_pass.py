@@ -351,7 +351,7 @@ class PackingPass:
             # Whoever keeps many packings does not want the meshes of every step.
             surface = self.pile.surface
             self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
-            if tier.risk and (self.shaky or not tier.shaky):
+            if tier.risk and (self.shaky or not tier.shaky or not tier.clearance):
                 self.makeshift.append(piece.item)
                 self.risk += tier.risk
             if tier.shaky:

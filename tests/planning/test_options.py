@@ -309,6 +309,37 @@ def test_every_option_has_a_rule_a_meaning_and_a_default_that_keeps_it() -> None
         assert f"{name}:" in (PlanOptions.__doc__ or "")
 
 
+@pytest.mark.parametrize(
+    ("given", "room"),
+    [
+        ({}, ROOM),
+        ({"goal": "robust"}, ROOM),
+        ({"method": "search"}, ROOM),
+        ({"rehearse": 2}, ROOM),
+        ({"constraints": "stability"}, 0.0),
+        ({"constraints": "overlap"}, 0.0),
+        ({"stability": "paper"}, 0.0),
+        ({"stability": "margin"}, 0.0),
+        ({"stability": "physics"}, 0.0),
+        ({"search": "5d"}, 0.0),
+        ({"method": "gls"}, 0.0),
+        ({"goal": "height"}, 0.0),
+        ({"goal": "box"}, 0.0),
+    ],
+)
+def test_clearance_by_itself(given: dict[str, Any], room: float) -> None:
+    """Where a robot places items and nothing asks for a full box; what is given is kept, and told in a file."""
+    options = PlanOptions(**given)
+    assert (options.clearance, options.room) == (None, room)
+    assert options.to_mapping()["clearance"] == room
+    assert PlanOptions(**given, clearance=room) == options
+    for asked in (0.0, 0.004, 0.05):
+        explicit = PlanOptions(**given, clearance=asked)
+        assert explicit.room == asked
+        assert PlanOptions.from_mapping(explicit.to_mapping()) == explicit
+    assert PlanOptions.paper(**given).room == 0.0
+
+
 def test_presets() -> None:
     assert PRESETS["default"]() == PlanOptions()
     assert PRESETS["paper"]() == PlanOptions.paper()
@@ -337,7 +368,7 @@ def test_the_paper_s_options_are_what_the_paper_says() -> None:
     assert (made.constraints, made.own_constraints) == ("robot", ())
     assert (made.stability, made.contacts, made.grasp) == ("paper", "paper", "paper")
     assert (made.search, made.sequence, made.restarts) == ("3d", "volume", 0)
-    assert (made.clearance, made.rehearse, made.shape, made.asks_physics) == (0.0, 0, "mesh", False)
+    assert (made.room, made.rehearse, made.shape, made.asks_physics) == (0.0, 0, "mesh", False)
     # What the rules of that name hold, beyond options.
     assert StabilityChecker().mu == 0.7
     assert SCALE == 1.03
