@@ -376,8 +376,14 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy
             [steady(cells) for cells in room],
             list(tiers(little)),
             list(tiers({}, each=None)),
-            [replace(steady(0), risk=1.0), *(Tier(0, risk=1.0 + r, shaky=True, apart=a) for a, r in aside)],
+            [
+                replace(steady(0), risk=1.0),
+                Tier(0, risk=1.2, shaky=True, apart=AWAY, leaning=False),
+                Tier(0, risk=2.0, shaky=True, leaning=False),
+            ],
+            [Tier(room[-1], risk=1.2, shaky=True, apart=AWAY)],
+            [Tier(0, risk=2.0, shaky=True)],
         ),
         clearance=levels[0],
-        brief=True,
+        trial=True,
     )

@@ -158,7 +158,7 @@ class PackingPass:
                     held = self.planner.admission.with_item(held, piece.item)
                     del waiting[piece]
                     continue
-                if k and self.planner.strategy.brief and rejected == waiting[piece]:
+                if k and self.planner.strategy.trial and rejected == waiting[piece]:
                     return self.given_up(pieces, f"{piece.item} is not free of overlap anywhere")
                 waiting[piece] = rejected
                 if not k and self.planner.give_up and not self.fits_alone(piece.item):
@@ -257,15 +257,14 @@ class PackingPass:
         if not possible:
             return inquiry.rejections
         for tier in tiers or planner.strategy.first:
-            if tier.apart and not self.shaky:
-                continue  # the tier without this preference comes next
             candidates = grid_search(
                 self.pile.surface, possible, planner.grid.step_cells, tier.clearance, planner.release
             )
             scores = planner.heuristic(candidates, self.rng) if len(candidates) else np.empty(0)
             worth = self.worth_asking(candidates, inquiry, tier)
             candidates, scores = candidates.only(worth), scores[worth]
-            if planner.places == "exact" and not tier.clearance and route in ("first-pass", "later"):
+            exact = planner.places == "exact" and not tier.clearance and not planner.strategy.trial
+            if exact and route in ("first-pass", "later"):
                 finder = ExactPlaces(planner.heuristic, self.rng)
                 candidates, scores = finder.add(
                     candidates,

@@ -61,7 +61,8 @@ class Strategy:
         clearance: cells that were asked for; where it is not 0, each placement tells what it got.
         roomy: is tried before all else, in one pass, and decides where that places every item; None where
             nothing is.
-        brief: a pass ends with the first deferred item that has no candidate at all in a round of the fallback.
+        trial: a pass only finds out whether the order fits: it ends with the first deferred item that has no
+            candidate in a round of the fallback, and tries no exact places, where items stand flush.
     """
 
     first: Sequence[Tier] = (Tier(),)
@@ -71,7 +72,7 @@ class Strategy:
     last_resorts: Sequence[Sequence[Tier]] = ()
     clearance: int = 0
     roomy: Strategy | None = None
-    brief: bool = False
+    trial: bool = False
 
 
 def in_tier(

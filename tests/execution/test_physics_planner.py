@@ -230,7 +230,8 @@ def test_clearance_costs_no_item(stability: StabilityRule) -> None:
             return planner.pack(list(items), shelf.prepared, flat)
 
     assert packed(stability="paper").complete
-    assert not packed(stability=stability, clearance=0.01, restarts=0).complete
+    if stability == "physics":
+        assert not packed(stability=stability, clearance=0.01, restarts=0).complete
     assert packed(stability=stability, clearance=0.01).complete
 
 
