@@ -384,6 +384,7 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy
             [Tier(room[-1], risk=1.2, shaky=True, apart=AWAY)],
             [Tier(0, risk=2.0, shaky=True)],
         ),
+        restarts=1,
         clearance=levels[0],
         trial=True,
     )

@@ -42,6 +42,9 @@ _OBJECTED = {TOO_HEAVY: TOO_HEAVY, NO_GRASP: "no-graspable-spot"}
 _SINKS = 0.03
 """By so much items mostly come lower at most than the heightmaps say, m."""
 
+_SPACIOUS = 0.6
+"""Share of a container above which the items' bounding boxes hardly ever fit with room to spare."""
+
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
 
@@ -142,6 +145,9 @@ class PackingPass:
             if why is not None:
                 return self.given_up(pieces, why, "unreachable-container")
         rounds = self.planner.strategy.fallback or (self.planner.strategy.first,)
+        trial = self.planner.strategy.trial
+        if trial and sum(self.items[n].box_volume for n in sequence) > _SPACIOUS * self.container.volume:
+            return self.given_up(pieces, "the items' bounding boxes leave little room")
         held = self.pile.held
         waiting = {piece: Counter[str]() for piece in pieces}
         lost: dict[Piece, Leftover] = {}
@@ -158,8 +164,12 @@ class PackingPass:
                     held = self.planner.admission.with_item(held, piece.item)
                     del waiting[piece]
                     continue
-                if k and self.planner.strategy.trial and rejected == waiting[piece]:
-                    return self.given_up(pieces, f"{piece.item} is not free of overlap anywhere")
+                if (
+                    self.planner.strategy.trial
+                    and not k
+                    and not self.fits(self.orientations(piece.item), self.pile.surface)
+                ):
+                    return self.given_up(pieces, f"{piece.item} fits nowhere, and heights only grow")
                 waiting[piece] = rejected
                 if not k and self.planner.give_up and not self.fits_alone(piece.item):
                     return self.given_up(pieces, f"{piece.item} does not fit the empty container")
@@ -188,9 +198,9 @@ class PackingPass:
         """Whether any orientation that the planner would try fits the empty container."""
         return any(self.fits(group) for group in self.groups(name) if group)
 
-    def fits(self, orientations: Sequence[OrientedItem]) -> bool:
-        """Whether one of them has a place in the empty container."""
-        return bool(len(grid_search(self.empty, orientations, self.planner.grid.step_cells)))
+    def fits(self, orientations: Sequence[OrientedItem], surface: ContainerMap | None = None) -> bool:
+        """Whether one of them has a place on a pile; None: in the empty container."""
+        return bool(len(grid_search(surface or self.empty, orientations, self.planner.grid.step_cells)))
 
     def first_pass(self, piece: Piece) -> Counter[str] | None:
         """Lines 6 to 14: the stable poses, or everything at once in the 5D search."""

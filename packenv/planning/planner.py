@@ -81,7 +81,7 @@ class Planner(PassRules):
             again = replace(self, strategy=replace(strategy, first=first))
             last = PackingPass(again, items, container, start).pack(sequence)
             best = max(best, last, key=_goodness)
-        if strategy.restarts and best.improvable and not self.only:
+        if strategy.restarts and best.improvable and not self.only and not strategy.trial:
             for only in self.narrowed(best, given, items, container):
                 if best.complete or self.until.passed:
                     break

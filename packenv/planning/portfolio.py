@@ -15,7 +15,7 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Placement
 
-ROOMY = 2
+ROOMY = 1
 """How many members try whether the order fits with clearance."""
 
 

@@ -61,8 +61,8 @@ class Strategy:
         clearance: cells that were asked for; where it is not 0, each placement tells what it got.
         roomy: is tried before all else, in one pass, and decides where that places every item; None where
             nothing is.
-        trial: a pass only finds out whether the order fits: it ends with the first deferred item that has no
-            candidate in a round of the fallback, and tries no exact places, where items stand flush.
+        trial: a pass only finds out whether the order fits: it ends with the first item that has no candidate
+            even without clearance, and tries no exact places, where items stand flush.
     """
 
     first: Sequence[Tier] = (Tier(),)
