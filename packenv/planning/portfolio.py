@@ -15,9 +15,6 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Placement
 
-ROOMY = 1
-"""How many members try whether the order fits with clearance."""
-
 
 class Packer(Protocol):
     """What packs an order: a planner with one rule, or several of them."""
@@ -105,12 +102,13 @@ class Portfolio:
             return (packing.complete and not packing.risk) or self.until.passed
 
         members = [replace(member, until=self.until) for member in self.members]
-        roomy = (
-            replace(m, strategy=m.strategy.roomy) for m in members[:ROOMY] if m.strategy.roomy is not None
-        )
-        if any(best_possible(member) for member in roomy) or any(packing.complete for packing in found):
-            return max(found, key=self.better)
-        members = [replace(m, strategy=replace(m.strategy, roomy=None)) for m in members]
+        # With clearance the first one alone is asked before the others have a say: it is the one that decides mostly.
+        first = members[0].strategy
+        if first.roomy is not None:
+            best_possible(replace(members[0], strategy=first.roomy))
+            if found[0].complete or self.until.passed:
+                return found[0]
+            members[0] = replace(members[0], strategy=replace(first, roomy=None))
         before = len(found)
         once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
         if not any(best_possible(member) for member in once):
