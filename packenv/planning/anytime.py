@@ -147,12 +147,18 @@ class Anytime:
         deadline, enough = Deadline(float(end), self.clock), WholeIsEnough(self.aim)
         try:
             record.best = self.known
-            first = self.known or self.quick(deadline, record).pack(sequence, items, container, start)
+            roomy = None if self.known else self.first.members[0].with_room(sequence, items, container, start)
+            if roomy is not None:
+                record.keep(roomy)
+            first = (
+                self.known or roomy or self.quick(deadline, record).pack(sequence, items, container, start)
+            )
             if enough(first) or deadline.passed:
                 return first, False
-            if self.known is None and not self.hurried(self.clock() - began):
+            if first not in (self.known, roomy) and not self.hurried(self.clock() - began):
                 share = Deadline(began + CAREFUL * (float(end) - began), self.clock)
-                whole = replace(self.first, until=share, found=record.keep)
+                members = [member.without_room for member in self.first.members]
+                whole = replace(self.first, members=members, until=share, found=record.keep)
                 first = whole.pack(sequence, items, container, start)
             hopeless = tuple(left for left in first.leftovers if left.reason not in PERHAPS)
             within = list((Counter(sequence) - Counter(left.item for left in hopeless)).elements())
@@ -182,7 +188,7 @@ class Anytime:
 
     def quick(self, deadline: Deadline, record: _Record) -> Portfolio:
         """One pass of the first member without the fallback, in which much time goes where much is left over."""
-        member = self.first.members[0]
+        member = self.first.members[0].without_room
         strategy = replace(member.strategy, restarts=0)
         return Portfolio(
             [replace(member, perturbations=None, strategy=strategy)], self.better, deadline, record.keep

@@ -373,7 +373,7 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy
     return Strategy(
         [steady(cells) for cells in room],
         (
-            [steady(cells) for cells in room],
+            [replace(steady(cells), risk=0.1) for cells in room],
             list(tiers(little)),
             list(tiers({}, each=None)),
             [

@@ -150,7 +150,8 @@ class PlanOptions:
         max_checked: the paper's N.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
             whole cells; less where it leaves an item without a place, and none where it leaves the order incomplete.
-            None takes ``ROOM`` where a robot places the items, see :attr:`room`, else 0. The paper: 0.
+            None takes ``ROOM`` where a robot places the items, see :attr:`room`, else 0. Under ``cautious`` the
+            order is planned with it first and, where it does not fit so, as without it. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
             (:mod:`packenv.execution.rehearsal`).
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
@@ -259,7 +260,7 @@ class PlanOptions:
         None,
         "how far an item may be off sideways at the release and still meet nothing, m; less where it would "
         "leave an item without a place; by itself 0.006 with constraints robot, stability cautious, search 3d, method "
-        "auto or search and goal items or robust, else 0",
+        "auto or search and goal items, else 0",
         most=0.05,
         optional=True,
     )
@@ -346,7 +347,7 @@ class PlanOptions:
     def _room(self) -> float:
         cautious = self.constraints == "robot" and self.stability == "cautious"
         by_search = self.search == "3d" and self.method in ("auto", "search")
-        return ROOM if cautious and by_search and self.goal in ("items", "robust") else 0.0
+        return ROOM if cautious and by_search and self.goal == "items" else 0.0
 
     @property
     def setup(self) -> CellSetup:

@@ -361,8 +361,9 @@ class PackingPass:
             surface = self.pile.surface
             self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
             if tier.risk and (self.shaky or not tier.shaky or not tier.clearance):
-                self.makeshift.append(piece.item)
                 self.risk += tier.risk
+                if tier.risk >= 1.0:
+                    self.makeshift.append(piece.item)
             if tier.shaky:
                 low = placement.corner[:2]
                 self.shaky.append((low, low + placement.extents[:2]))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
+from packenv.planning.search.heuristics import name_of
 from packenv.planning.variants import is_hollow, side_by_side
 from packenv.types import Container
 
@@ -97,6 +98,35 @@ class Planner(PassRules):
             if len(found.placements) > len(best.placements):
                 best = found
         return best
+
+    def with_room(
+        self,
+        sequence: Sequence[str],
+        items: Mapping[str, PreparedItem],
+        container: Container,
+        start: Pile | None = None,
+    ) -> Packing | None:
+        """The packing of all items with room to spare; None where there is none, or none is asked for.
+
+        Its risk has done its part, and is told as none: no packing without room is better for having no such risk.
+
+        Args:
+            sequence: as for :meth:`pack`.
+            items: likewise.
+            container: likewise.
+            start: likewise.
+        """
+        if self.strategy.roomy is None:
+            return None
+        found = replace(self, strategy=self.strategy.roomy).pack(sequence, items, container, start)
+        if not found.complete:
+            return None
+        return replace(found, makeshift=(), risk=0.0, made_by=name_of(self.heuristic))
+
+    @property
+    def without_room(self) -> Planner:
+        """The same planner, which does not ask whether there is room to spare."""
+        return replace(self, strategy=replace(self.strategy, roomy=None))
 
     def narrowed(
         self,

@@ -93,6 +93,12 @@ class Portfolio:
         Returns:
             The best packing, the first of equal ones; ``made_by`` is its heuristic.
         """
+        members = [replace(member, until=self.until) for member in self.members]
+        roomy = members[0].with_room(sequence, items, container, start)
+        if roomy is not None:
+            self.found(roomy)
+            return roomy
+        members[0] = members[0].without_room
         found: list[Packing] = []
 
         def best_possible(member: Planner) -> bool:
@@ -101,20 +107,11 @@ class Portfolio:
             self.found(found[-1])
             return (packing.complete and not packing.risk) or self.until.passed
 
-        members = [replace(member, until=self.until) for member in self.members]
-        # With clearance the first one alone is asked before the others have a say: it is the one that decides mostly.
-        first = members[0].strategy
-        if first.roomy is not None:
-            best_possible(replace(members[0], strategy=first.roomy))
-            if found[0].complete or self.until.passed:
-                return found[0]
-            members[0] = replace(members[0], strategy=replace(first, roomy=None))
-        before = len(found)
         once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
         if not any(best_possible(member) for member in once):
-            tried = zip(members, found[before:], strict=True)
+            tried = zip(members, found.copy(), strict=True)
             nearest = sorted(tried, key=lambda pair: self.better(pair[1]), reverse=True)
-            restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
+            restarting = (member.without_room for member, p in nearest if p.lost or p.makeshift)
             any(best_possible(member) for member in restarting if member.strategy.restarts)
         return max(found, key=self.better)
 

@@ -23,9 +23,10 @@ class Tier:
         max_checked: as the planner's, in its place; None takes that.
         each: most candidates of one orientation: the best of a heuristic are mostly neighbours of each other,
             and one failure there tells of the rest. None takes them as they come.
-        risk: how bad such a placement is, on a scale of the caller's; above 0 it is makeshift: better than
+        risk: how bad such a placement is, on a scale of the caller's; from 1 it is makeshift: better than
             nothing, but a restart with such items first is worth trying.
-        shaky: what is placed so may not stay where it is put.
+        shaky: what is placed so may not stay where it is put; where it has clearance, that is a risk only for what
+            comes after the first of its kind.
         apart: how far aside from items that may not stay a candidate is, m.
         leaning: in the fallback perturbed poses are tried, too.
     """
