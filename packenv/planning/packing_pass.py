@@ -42,6 +42,9 @@ _OBJECTED = {TOO_HEAVY: TOO_HEAVY, NO_GRASP: "no-graspable-spot"}
 _SINKS = 0.03
 """By so much items mostly come lower at most than the heightmaps say, m."""
 
+_TIPS = 0.03
+"""How far below the rim what may not stay should end, m."""
+
 _SPACIOUS = 0.6
 """Share of a container above which the items' bounding boxes hardly ever fit with room to spare."""
 
@@ -360,15 +363,23 @@ class PackingPass:
             # Whoever keeps many packings does not want the meshes of every step.
             surface = self.pile.surface
             self.surfaces.append(surface if surface.exact is None else replace(surface, exact=None))
-            if tier.risk and (self.shaky or not tier.shaky or not tier.clearance):
-                self.risk += tier.risk
-                if tier.risk >= 1.0:
-                    self.makeshift.append(piece.item)
-            if tier.shaky:
-                low = placement.corner[:2]
-                self.shaky.append((low, low + placement.extents[:2]))
+            self.count_risk(tier, placement)
             return True
         return False
+
+    def count_risk(self, tier: Tier, placement: Placement) -> None:
+        """Count what a placement of a tier risks."""
+        risk = tier.risk
+        if tier.shaky:
+            if tier.clearance and not self.shaky:
+                risk = 0.0
+            low, high = placement.corner, placement.corner + placement.extents
+            if high[2] > self.container.height - _TIPS:
+                risk += 1.0  # where it tips over it stands out of the container
+            self.shaky.append((low[:2], high[:2]))
+        self.risk += risk
+        if risk >= 1.0:
+            self.makeshift.append(placement.item)
 
     def ranked_late(self, candidates: Candidates, scores: FloatArray, inquiry: Inquiry) -> Iterator[int]:
         """As :meth:`ranked`, but whole orientations are ruled out only when a candidate of theirs comes up.

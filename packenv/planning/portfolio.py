@@ -15,7 +15,6 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Placement
 
-
 _ROOMY = 3
 """Members that look for a packing with room to spare."""
 
