@@ -147,7 +147,7 @@ class Anytime:
         deadline, enough = Deadline(float(end), self.clock), WholeIsEnough(self.aim)
         try:
             record.best = self.known
-            roomy = None if self.known else self.first.with_room(sequence, items, container, start)
+            roomy = None if self.known else self.first.members[0].with_room(sequence, items, container, start)
             if roomy is not None:
                 record.keep(roomy)
             first = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from packenv.planning.admission import Held
@@ -64,11 +64,6 @@ class Packing:
     def height(self) -> float:
         """Of the pile, m."""
         return max((float(p.corner[2] + p.extents[2]) for p in self.placements), default=0.0)
-
-    @property
-    def chosen(self) -> Packing:
-        """The same without its risk, which has done its part: no other kind of packing is better for having none."""
-        return replace(self, makeshift=(), risk=0.0)
 
     @property
     def words(self) -> str:

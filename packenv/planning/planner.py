@@ -108,6 +108,8 @@ class Planner(PassRules):
     ) -> Packing | None:
         """The packing of all items with room to spare; None where there is none, or none is asked for.
 
+        Its risk has done its part, and is told as none: no packing without room is better for having no such risk.
+
         Args:
             sequence: as for :meth:`pack`.
             items: likewise.
@@ -117,7 +119,9 @@ class Planner(PassRules):
         if self.strategy.roomy is None:
             return None
         found = replace(self, strategy=self.strategy.roomy).pack(sequence, items, container, start)
-        return replace(found, made_by=name_of(self.heuristic)) if found.complete else None
+        if not found.complete:
+            return None
+        return replace(found, makeshift=(), risk=0.0, made_by=name_of(self.heuristic))
 
     @property
     def without_room(self) -> Planner:

@@ -15,9 +15,6 @@ from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.types import Container, Placement
 
-_ROOMY = 3
-"""Members that look for a packing with room to spare."""
-
 
 class Packer(Protocol):
     """What packs an order: a planner with one rule, or several of them."""
@@ -78,31 +75,6 @@ class Portfolio:
         """A container to start with, for any member."""
         return self.members[0].pile(surface, resting)
 
-    def with_room(
-        self,
-        sequence: Sequence[str],
-        items: Mapping[str, PreparedItem],
-        container: Container,
-        start: Pile | None = None,
-    ) -> Packing | None:
-        """The packing of all items with room to spare; None where the first member knows none.
-
-        Others are asked while the best one has a makeshift placement.
-
-        Args:
-            sequence: as for :meth:`Planner.pack`.
-            items: likewise.
-            container: likewise.
-            start: likewise.
-        """
-        best: Packing | None = None
-        for member in self.members[:_ROOMY]:
-            found = member.with_room(sequence, items, container, start)
-            best = max((p for p in (best, found) if p is not None), key=self.better, default=None)
-            if best is None or not best.makeshift or self.until.passed:
-                break
-        return None if best is None else best.chosen
-
     def pack(
         self,
         sequence: Sequence[str],
@@ -122,7 +94,7 @@ class Portfolio:
             The best packing, the first of equal ones; ``made_by`` is its heuristic.
         """
         members = [replace(member, until=self.until) for member in self.members]
-        roomy = self.with_room(sequence, items, container, start)
+        roomy = members[0].with_room(sequence, items, container, start)
         if roomy is not None:
             self.found(roomy)
             return roomy
