@@ -14,7 +14,7 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from packenv.types import FloatArray, IntArray, Item
 from packenv.version import __version__
 from packenv.view.colours import hex_colour, item_colour
 from packenv.view.scene import Scene, SceneStep
-from packenv.view.words import leftover_lines
+from packenv.view.words import leftover_lines, robustness_figures
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
@@ -187,8 +187,17 @@ def _summary(scene: Scene) -> list[tuple[str, str]]:
         ("Height", f"{scene.height:.3f} m"),
         ("Container", scene.container.full_label),
         ("Heuristic", scene.heuristic),
+        *_robustness(scene.metrics),
         *scene.verdict,
     ]
+
+
+def _robustness(metrics: Mapping[str, object]) -> Iterable[tuple[str, str]]:
+    """What every intermediate pile takes; nothing where a file holds something else than RobotPack writes."""
+    try:
+        return robustness_figures(metrics, "min_").items()
+    except (KeyError, TypeError, ValueError):
+        return ()
 
 
 def _plain(value: object) -> object:

@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 from packenv.planning.options import AUTO, SINGLE_RULES, STANDS_FOR_AUTO, Method
+from packenv.planning.robustness import LARGEST_PUSH, LARGEST_TILT
+from packenv.planning.search.offsets import LARGEST_OFFSET
 from packenv.types import Item, Leftover, Placement, Plan
 
 
@@ -75,3 +77,33 @@ def limit_words(item: Item, load: float | None) -> tuple[str, ...]:
     if load is None or math.isinf(bears) or bears == load == 0.0:
         return words
     return (*words, f"{load:.2g} of {bears:g} kg on it" if load else "nothing on it")
+
+
+def robustness_figures(figures: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """What a pile withstands, label to text; empty where a plan does not tell.
+
+    Args:
+        figures: ``tilt_deg``, ``push`` and ``offset_m``, each behind the prefix.
+        prefix: of their names.
+
+    Raises:
+        ValueError: a figure is no number.
+    """
+    if f"{prefix}tilt_deg" not in figures:
+        return {}
+    tilt, push, off = (float(figures[prefix + name]) for name in ("tilt_deg", "push", "offset_m"))
+    return {
+        "Takes a tilt of": f"{tilt:.1f}°" + _or_more(tilt, LARGEST_TILT),
+        "Takes a push of": f"{100 * push:.0f} %{_or_more(push, LARGEST_PUSH)} of an item's weight",
+        "May be off by": f"{off * 1e3:.0f} mm" + _or_more(off, LARGEST_OFFSET),
+    }
+
+
+def robustness_words(figures: Mapping[str, Any], prefix: str = "") -> str:
+    """The same in a line."""
+    tilt, push, off = robustness_figures(figures, prefix).values()
+    return f"takes a tilt of {tilt}, a push of {push}, and an item that is {off} off"
+
+
+def _or_more(value: float, most: float) -> str:
+    return " or more" if value >= most else ""
