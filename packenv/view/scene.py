@@ -187,8 +187,8 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
     if isinstance(clearance, int | float):
         figures["Clearance"] = f"{clearance * 1e3:.0f} mm"
     for name, describe in (
-        ("stability", _stability_figures),
         ("robustness", robustness_figures),
+        ("stability", _stability_figures),
         ("physics", _physics_figures),
     ):
         details = placement.details.get(name)

@@ -79,23 +79,37 @@ def limit_words(item: Item, load: float | None) -> tuple[str, ...]:
     return (*words, f"{load:.2g} of {bears:g} kg on it" if load else "nothing on it")
 
 
+WEIGHTS = " of an item's weight"
+"""What a push is a share of."""
+
+NOTES = {
+    "Tilt margin": "Tilt of gravity under which this item stays where it is while all other items are held.",
+    "Pile takes tilt": "All items placed so far stay in balance on a table that is tilted by this, whichever way.",
+    "Pile takes push": "All items placed so far stay in balance while any one of them is pushed sideways by this share "
+    "of its weight, whichever way.",
+    "Item may be off": "Lowered this far beside its place, whichever way, the item meets nothing before its release.",
+    "Every step takes": "The least tilt and the least push that the pile of any step takes, and the least by which an "
+    "item may be off on its way down.",
+}
+"""What labels of figures mean, for those who ask the page."""
+
+
 def robustness_figures(figures: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """What a pile withstands, label to text; empty where a plan does not tell.
+    """What a pile withstands, label to text.
 
     Args:
         figures: ``tilt_deg``, ``push`` and ``offset_m``, each behind the prefix.
         prefix: of their names.
 
     Raises:
+        KeyError: a figure is missing.
         ValueError: a figure is no number.
     """
-    if f"{prefix}tilt_deg" not in figures:
-        return {}
     tilt, push, off = (float(figures[prefix + name]) for name in ("tilt_deg", "push", "offset_m"))
     return {
-        "Takes a tilt of": f"{tilt:.1f}°" + _or_more(tilt, LARGEST_TILT),
-        "Takes a push of": f"{100 * push:.0f} %{_or_more(push, LARGEST_PUSH)} of an item's weight",
-        "May be off by": f"{off * 1e3:.0f} mm" + _or_more(off, LARGEST_OFFSET),
+        "Pile takes tilt": f"{tilt:.1f}°{_or_more(tilt, LARGEST_TILT)}",
+        "Pile takes push": f"{100 * push:.0f} %{_or_more(push, LARGEST_PUSH)}{WEIGHTS}",
+        "Item may be off": f"{off * 1e3:.0f} mm{_or_more(off, LARGEST_OFFSET)}",
     }
 
 

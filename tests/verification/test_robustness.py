@@ -226,12 +226,12 @@ def test_words_for_people_tell_each_step_and_the_least(folder, plan, capsys):
 def test_the_page_shows_each_step_and_the_least(folder, plan):
     scene = scene_of(plan, folder)
     for step, row_of in zip(scene.steps, stated(plan), strict=True):
-        assert str(step.figures["Takes a tilt of"]).startswith(f"{row_of['tilt_deg']:.1f}°")
-        assert "of an item's weight" in str(step.figures["Takes a push of"])
-        assert "mm" in str(step.figures["May be off by"])
-    assert json.dumps(f"{plan.metrics['min_tilt_deg']:.1f}°") in page_text(scene)
+        assert str(step.figures["Pile takes tilt"]).startswith(f"{row_of['tilt_deg']:.1f}°")
+        assert "of an item's weight" in str(step.figures["Pile takes push"])
+        assert "mm" in str(step.figures["Item may be off"])
+    assert json.dumps(f"{plan.metrics['min_tilt_deg']:.1f}° tilt")[:-1] in page_text(scene)
     odd = replace(scene, metrics={"min_tilt_deg": "much"})
-    assert "Takes a tilt of" in page_text(odd)  # of the steps
+    assert "Pile takes tilt" in page_text(odd)  # of the steps
 
 
 # Where nothing is asked ----------------------------------------------------------------------------------
