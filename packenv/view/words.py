@@ -79,14 +79,14 @@ def limit_words(item: Item, load: float | None) -> tuple[str, ...]:
     return (*words, f"{load:.2g} of {bears:g} kg on it" if load else "nothing on it")
 
 
-WEIGHTS = " of an item's weight"
+WEIGHTS = " of its weight"
 """What a push is a share of."""
 
 NOTES = {
     "Tilt margin": "Tilt of gravity under which this item stays where it is while all other items are held.",
     "Pile takes tilt": "All items placed so far stay in balance on a table that is tilted by this, whichever way.",
-    "Pile takes push": "All items placed so far stay in balance while any one of them is pushed sideways by this share "
-    "of its weight, whichever way.",
+    "Pile takes push": "All items placed so far stay in balance while this one is pushed sideways by this share of "
+    "its weight, whichever way.",
     "Item may be off": "Lowered this far beside its place, whichever way, the item meets nothing before its release.",
     "Every step takes": "The least tilt and the least push that the pile of any step takes, and the least by which an "
     "item may be off on its way down.",

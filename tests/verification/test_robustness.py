@@ -227,7 +227,7 @@ def test_the_page_shows_each_step_and_the_least(folder, plan):
     scene = scene_of(plan, folder)
     for step, row_of in zip(scene.steps, stated(plan), strict=True):
         assert str(step.figures["Pile takes tilt"]).startswith(f"{row_of['tilt_deg']:.1f}°")
-        assert "of an item's weight" in str(step.figures["Pile takes push"])
+        assert "of its weight" in str(step.figures["Pile takes push"])
         assert "mm" in str(step.figures["Item may be off"])
     assert json.dumps(f"{plan.metrics['min_tilt_deg']:.1f}° tilt")[:-1] in page_text(scene)
     odd = replace(scene, metrics={"min_tilt_deg": "much"})

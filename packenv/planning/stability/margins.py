@@ -299,6 +299,11 @@ class LoadProgram:
         self._used[columns] = True
         pass_program(self._highs, eq, *eq.columns(columns))
 
+    @property
+    def columns(self) -> IntArray:
+        """All that take part by now; a larger pile's program may begin with them."""
+        return np.flatnonzero(self._used)
+
     def largest(self, load: FloatArray, most: float) -> float:
         """Largest t, up to ``most``, at which the pile stands with t · ``load`` on it.
 
