@@ -12,6 +12,7 @@ from packenv.planning.options import (
     AUTO,
     SINGLE_RULES,
     ContactRule,
+    EngineName,
     Geometry,
     GraspRule,
     HeightRule,
@@ -52,6 +53,7 @@ _PLANNING: Final = (
     "sequence",
     "own_constraints",
     "cell",
+    "engine",
     "grid",
 )
 """Fields that are options of planning."""
@@ -92,6 +94,7 @@ class PackConfig:
             the episode ends.
         max_invalid: invalid actions on end after which an episode is truncated.
         physics: place every item in physics, and go on with the poses that are measured there.
+        engine: of physics: ``bullet``, ``mujoco``, or ``auto``: PyBullet where it is installed, else MuJoCo.
     """
 
     catalogue: str = "builtin"
@@ -117,6 +120,7 @@ class PackConfig:
     on_infeasible: Literal["skip", "terminate"] = "skip"
     max_invalid: int = 20
     physics: bool = False
+    engine: EngineName = "auto"
 
     def __post_init__(self) -> None:
         """Check every value.

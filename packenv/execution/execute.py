@@ -23,7 +23,7 @@ from packenv.items.plan_items import (
     surfaces_of,
 )
 from packenv.items.shelf import ItemShelf
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import EngineName, PlanOptions
 from packenv.planning.packing import Packing
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import PlacementTask
@@ -31,7 +31,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
-from packenv.sim.world import EngineError, World
+from packenv.sim.world import World
 from packenv.types import Frame, Leftover, Plan, Pose
 from packenv.watcher import SILENT, Watcher
 
@@ -120,6 +120,7 @@ def execute(
     full_settle: bool = False,
     placed: Sequence[Pose] | None = None,
     options: PlanOptions | None = None,
+    engine: EngineName = "auto",
     config: ExecutionConfig | None = None,
     record: bool = False,
     gui: bool = False,
@@ -141,13 +142,16 @@ def execute(
         placed: measured poses of the first items, where the plan was carried out in part: they lie there, and
             the execution goes on with the next one. None takes those that the plan says lay there.
         options: how to plan again, in closed loop; None takes those of the plan.
-        config: settings of the nominal world, on which the words above build.
+        engine: the physics engine, ``bullet``, ``mujoco`` or ``auto``: PyBullet where it is installed, else MuJoCo; of
+            rehearsals in closed loop, too.
+        config: settings of the nominal world, engine and all, on which the words above build.
         record: keep frames for an animation.
-        gui: open PyBullet's window.
+        gui: open PyBullet's window, which needs the engine ``bullet``.
         watch: called with the world after every step.
         watcher: is told of remarks and of progress.
 
     Raises:
+        PhysicsError: the engine is not installed.
         InputError: the plan places no item or its robot's path is none, a mesh is not the plan's, or the
             window was closed before the end.
     """
@@ -179,7 +183,10 @@ def execute(
             "an ideal hand without size places the items"
         )
     config = _config(
-        config or ExecutionConfig.of(made.setup), settle=settle, full_settle=full_settle, gentle=gentle
+        config or ExecutionConfig.of(made.setup, engine),
+        settle=settle,
+        full_settle=full_settle,
+        gentle=gentle,
     )
     config = feeling(config) if feel or closed_loop else config
     if isinstance(disturb, int) and disturb < 0:
@@ -198,7 +205,12 @@ def execute(
                 look(world)
 
     watching = see if recorder is not None or watch is not None else None
-    with Session(cell, settings, arm=arm, lying=lying, gui=gui, watch=watching) as session:
+    if gui and config.world.engine.name != "bullet":
+        raise InputError(
+            f"gui: is PyBullet's window, and the engine is {config.world.engine.name}; record instead"
+        )
+    coming = [task.item for task in tasks]
+    with Session(cell, settings, arm=arm, lying=lying, coming=coming, gui=gui, watch=watching) as session:
         try:
             if closed_loop:
                 loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
@@ -209,7 +221,7 @@ def execute(
                     if session.failed:
                         break
                 executed = ExecutedPlan(plan, session.result(), config)
-        except EngineError:
+        except session.world.engine.failure:
             if session.world.open:
                 raise
             raise InputError("gui: the window was closed before the execution was done") from None

@@ -31,7 +31,9 @@ def require_engine(options: PlanOptions) -> None:
         PhysicsError: so it is.
     """
     if options.asks_physics:
-        import packenv.sim  # noqa: F401
+        from packenv.sim.engines import engine_config
+
+        engine_config(options.engine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +171,11 @@ class PlanningJob:
         lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
         setup = self.options.setup
         rehearsal = Rehearsal(
-            setup.with_container(box), physics, self.options.rehearse, ExecutionConfig.of(setup), lying
+            setup.with_container(box),
+            physics,
+            self.options.rehearse,
+            ExecutionConfig.of(setup, self.options.engine),
+            lying,
         )
         prepared = self.shelf.prepared
         start = lies if resting else None

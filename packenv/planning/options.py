@@ -29,6 +29,7 @@ Sequencing: TypeAlias = Literal["volume", "given"]
 Method: TypeAlias = Literal["auto", "search", "separate", "gls"]
 Goal: TypeAlias = Literal["items", "height", "box", "robust"]
 """What a search is after, most items always before all else: see :attr:`PlanOptions.goal`."""
+EngineName: TypeAlias = Literal["auto", "bullet", "mujoco"]
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -150,6 +151,7 @@ class PlanOptions:
             whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
             (:mod:`packenv.execution.rehearsal`).
+        engine: of drops and rehearsals: PyBullet, MuJoCo, or ``auto``: PyBullet where it is installed, else MuJoCo.
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
             None takes ``parts`` where physics is asked, else ``mesh``; either is None where it is that, too,
             see :attr:`shape`.
@@ -264,6 +266,11 @@ class PlanOptions:
         "feels contacts, and plan otherwise where it fails",
         whole=True,
         most=100,
+    )
+    engine: EngineName = _words(
+        EngineName,
+        "auto",
+        "the physics engine of drops and rehearsals: PyBullet, MuJoCo, or PyBullet where it is installed, else MuJoCo",
     )
     geometry: Geometry | None = _words(
         Geometry,

@@ -25,6 +25,8 @@ from tests.shapes import box
 from tests.shelf_samples import FOUR_BOXES, shelf_of
 from tests.sim.bodies import BOX as HAND_BOX, brick, by_hand, convex, slipped
 
+pytestmark = pytest.mark.usefixtures("auto")
+
 PLANK, POLE = box(0.25, 0.06, 0.02, "plank"), box(0.04, 0.04, 0.15, "pole")
 ALL = {**FOUR_BOXES, "plank": PLANK, "pole": POLE}
 
