@@ -45,6 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:
         raise InputError(f"--seed {arguments.seed}: is of the disturbances, give --disturb as well")
+    if arguments.budget is not None and not arguments.closed_loop:
+        raise InputError(f"--budget {arguments.budget:g}: is for planning again, give --closed-loop as well")
     for name, flag in _RULES.items():
         if getattr(arguments, name) is not None and not arguments.closed_loop:
             raise InputError(f"{flag}: is for planning again, give --closed-loop as well")
@@ -84,6 +86,7 @@ def _executed(plan: Plan, shelf: ItemShelf, arguments: argparse.Namespace) -> Ex
             full_settle=arguments.full_settle,
             options=_own_code(plan, arguments),
             engine=arguments.engine,
+            budget=arguments.budget,
             record=arguments.gif is not None,
             gui=arguments.gui,
             watch=_at_real_speed() if arguments.gui else None,

@@ -7,8 +7,9 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
+from packenv.config import EngineName
 from packenv.errors import closest_match
-from packenv.planning.options import PRESETS, EngineName, PlanOptions, grid_rules, rules
+from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
 from packenv.robot.timing import MotionLimits
 from packenv.version import __version__
 
@@ -292,6 +293,12 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
         action="store_true",
         help="feel contacts, measure every item's pose after each placement, and plan the rest again where "
         "it would fail",
+    )
+    execute.add_argument(
+        "--budget",
+        type=float,
+        metavar="S",
+        help="longest time for planning again, in closed loop, all in all; then the plan goes on as it is",
     )
     execute.add_argument(
         "--settle",

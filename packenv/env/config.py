@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
-from packenv.config import GridConfig
+from packenv.config import EngineName, GridConfig
 from packenv.errors import InputError, check_known
 from packenv.planning.options import (
     AUTO,
     SINGLE_RULES,
     ContactRule,
-    EngineName,
     Geometry,
     GraspRule,
     HeightRule,

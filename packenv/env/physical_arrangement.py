@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from packenv.config import EngineName
 from packenv.env.arrangement import Landing
 from packenv.items.shelf import ItemShelf
 from packenv.planning.constraints import Constraint
-from packenv.planning.options import EngineName
 from packenv.planning.packing import Pile
 from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from packenv.config import EngineName
 from packenv.errors import InputError, PlanError
 from packenv.execution.closed_loop import WORLDS, run_closed_loop
 from packenv.execution.planning_job import PlanningJob
@@ -23,7 +24,7 @@ from packenv.items.plan_items import (
     surfaces_of,
 )
 from packenv.items.shelf import ItemShelf
-from packenv.planning.options import EngineName, PlanOptions
+from packenv.planning.options import PlanOptions, rules
 from packenv.planning.packing import Packing
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import PlacementTask
@@ -115,6 +116,7 @@ def execute(
     feel: bool = False,
     closed_loop: bool = False,
     gentle: bool = False,
+    budget: float | None = None,
     disturb: int | Disturbance | None = None,
     settle: float | None = None,
     full_settle: bool = False,
@@ -135,6 +137,7 @@ def execute(
         unit: unit of the meshes; None takes the plan's.
         feel: guarded moves: the robot feels contacts and tries beside them; part of ``closed_loop``.
         closed_loop: measure all poses after every placement, and plan the rest again where it would fail.
+        budget: longest time for planning again, in closed loop, s, all in all; then the plan goes on as it is.
         gentle: lower each item until something holds it, instead of letting it drop from 1 cm above its place.
         disturb: seed of a world that is not quite as planned, or how it differs; None: the nominal one.
         settle: longest time for an item to come to rest, s; None takes that of ``config``, 20 s as in the paper.
@@ -161,6 +164,7 @@ def execute(
     placed = [p.pose for p in plan.placements[: plan.lying]] if placed is None else placed
     if len(placed) > len(plan.placements):
         raise InputError(f"{len(placed)} placed poses, but the plan places {len(plan.placements)} items")
+    rules()["budget"].check("budget", budget)
     made = options_of(plan)
     chosen = options_again(plan, options) if closed_loop else made
     shelf = shelf_of(
@@ -213,7 +217,8 @@ def execute(
     with Session(cell, settings, arm=arm, lying=lying, coming=coming, gui=gui, watch=watching) as session:
         try:
             if closed_loop:
-                loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
+                again = replace(chosen, geometry=made.shape, engine=config.world.engine.name, budget=budget)
+                loop = _Loop(plan, shelf, again, config, lying, watcher)
                 executed = loop.run(session, disturbance)
             else:
                 for step, task in enumerate(watcher.progress(tasks, "executing"), start=len(placed) + 1):
@@ -238,6 +243,7 @@ class _Loop:
     options: PlanOptions
     config: ExecutionConfig
     lying: tuple[Lying, ...]
+    watcher: Watcher
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ExecutedPlan:
         """Carry the plan out."""
@@ -259,6 +265,8 @@ class _Loop:
                 disturbance,
                 job.spares(plan.container),
                 lying=self.lying,
+                until=job.until,
+                watcher=self.watcher,
             )
         whole = replace(plan, placements=result.placements, leftovers=result.leftovers)
         return ExecutedPlan(renumbered(whole), result.execution, self.config, plans=result.plans)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from packenv.config import GridConfig
+from packenv.config import EngineName, GridConfig
 from packenv.errors import InputError, check_known, closest_match, is_number
 from packenv.extensions import extension_name, is_extension
 
@@ -29,7 +29,6 @@ Sequencing: TypeAlias = Literal["volume", "given"]
 Method: TypeAlias = Literal["auto", "search", "separate", "gls"]
 Goal: TypeAlias = Literal["items", "height", "box", "robust"]
 """What a search is after, most items always before all else: see :attr:`PlanOptions.goal`."""
-EngineName: TypeAlias = Literal["auto", "bullet", "mujoco"]
 Geometry: TypeAlias = Literal["mesh", "parts"]
 """What is planned with: an item's mesh, or its envelope: mesh and convex parts together."""
 
@@ -319,8 +318,8 @@ class PlanOptions:
                 "stability physics: needs force balance, which constraints overlap leaves out; "
                 "give constraints stability or robot"
             )
-        if self.stability == "physics" and (self.budget is not None or self.plans is not None):
-            raise InputError("budget and plans: a plan under stability physics takes minutes; leave them out")
+        if self.stability == "physics" and self.plans is not None:
+            raise InputError("plans: stability physics makes one plan; give budget, or leave it out")
         if self.goal == "robust" and self.constraints == "overlap":
             raise InputError(
                 "goal robust: a margin is one of force balance, which constraints overlap leaves out; "

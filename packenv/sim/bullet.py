@@ -20,6 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pybullet
 
+from packenv.config import EngineName
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.sim.engine import Engine, EngineConfig, Push, RawPose, Touch
 from packenv.sim.physics_items import PhysicsItem
@@ -44,7 +45,7 @@ class BulletConfig(EngineConfig):
             creeps hardly at all.
     """
 
-    name: ClassVar[str] = "bullet"
+    name: ClassVar[EngineName] = "bullet"
     time_step: float = 1.0 / 240.0
     iterations: int = 200
     residual: float = 1e-5

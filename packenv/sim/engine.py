@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
+from packenv.config import EngineName
 from packenv.sim.closing import Closing
 from packenv.sim.physics_items import PhysicsItem
 from packenv.types import FloatArray
@@ -57,7 +58,7 @@ class EngineConfig(ABC):
         time_step: s.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[EngineName]
     time_step: float
 
     @abstractmethod

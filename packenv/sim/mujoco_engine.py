@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from packenv.config import EngineName
 from packenv.geometry.transforms import rotation_to_quaternion
 from packenv.sim.engine import Engine, EngineConfig, Push, RawPose, Touch
 from packenv.sim.physics_items import PhysicsItem
@@ -38,7 +39,7 @@ class MujocoConfig(EngineConfig):
         noslip: iterations that take the remaining creep out of contacts that stick.
     """
 
-    name: ClassVar[str] = "mujoco"
+    name: ClassVar[EngineName] = "mujoco"
     time_step: float = 0.002
     softness: float = 0.005
     impratio: float = 10.0
