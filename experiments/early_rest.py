@@ -49,18 +49,24 @@ from experiments.pose_gap import pose_gap
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
+from packenv.sim.engines import engine_config
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
 
 _APART = 0.001
-_CONVERGED = replace(CONFIG, world=replace(CONFIG.world, residual=0.0, anchored=True))
 
 
 def work(job: PlanJob) -> dict[str, Any]:
     """Plan one order and carry it out twice."""
     row, plan = planned_row(job)
-    config = _CONVERGED if "converged" in job.experiment.split() else CONFIG
+    config = _converged() if "converged" in job.experiment.split() else CONFIG
     return row if plan is None else {**row, **both(plan, Worker.store.shelf, config)}
+
+
+def _converged() -> ExecutionConfig:
+    """A solver that never stops early, and friction anchors; these are PyBullet's alone."""
+    engine = replace(engine_config("bullet"), residual=0.0, anchored=True)  # type: ignore[call-arg]
+    return replace(CONFIG, world=replace(CONFIG.world, engine=engine))
 
 
 def both(plan: Plan, shelf: ItemShelf, config: ExecutionConfig) -> dict[str, Any]:
