@@ -76,21 +76,22 @@ def work(job: Job) -> dict[str, Any]:
 
 
 def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """By clearance, way and world: success, and what each figure tells of it."""
-    groups: dict[tuple[Any, ...], list[dict[str, Any]]] = defaultdict(list)
+    """By way, world and clearance, and for all clearances: success, and what each figure tells of it."""
+    groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
         if row.get("planned"):
-            groups[row["clearance_m"], row["way"], row["world"]].append(row)
+            for clearance in (f"{row['clearance_m'] * 1e3:g} mm", "all"):
+                groups[f"{row['way']}, {row['world']}, {clearance}"].append(row)
     return {
-        f"{clearance * 1e3:g} mm, {way}, {world}": {
+        name: {
             "n": len(group),
             "success": statistics.mean(row["success"] for row in group),
             **{
-                name: told([row[f"min_{name}"] for row in group], [row["success"] for row in group])
-                for name in ("tilt_deg", "push", "offset_m")
+                figure: told([row[f"min_{figure}"] for row in group], [row["success"] for row in group])
+                for figure in ("tilt_deg", "push", "offset_m")
             },
         }
-        for (clearance, way, world), group in sorted(groups.items())
+        for name, group in sorted(groups.items())
     }
 
 

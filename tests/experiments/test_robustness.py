@@ -31,5 +31,6 @@ def test_plans_that_were_not_whole_are_left_out():
     figures = {"min_tilt_deg": 1.0, "min_push": 0.1, "min_offset_m": 0.0}
     found = summarize([{**row, **figures, "success": True}, {"planned": False}, {"error": "stopped"}])
     assert [(name, group["n"], group["success"]) for name, group in found.items()] == [
-        ("0 mm, guarded, nominal", 1, 1.0)
+        ("guarded, nominal, 0 mm", 1, 1.0),
+        ("guarded, nominal, all", 1, 1.0),
     ]
