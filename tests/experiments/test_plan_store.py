@@ -77,7 +77,12 @@ def row(column: str, index: int, *, planned: bool = True, success: bool = True) 
 
 def test_columns_are_compared_on_the_orders_that_all_of_them_planned() -> None:
     rows = [row("paper", 0), row("paper", 1, success=False), row("paper", 2), row("paper", 3, planned=False)]
-    rows += [row("rehearsed", 0), row("rehearsed", 1), row("rehearsed", 2, planned=False), row("rehearsed", 3)]
+    rows += [
+        row("rehearsed", 0),
+        row("rehearsed", 1),
+        row("rehearsed", 2, planned=False),
+        row("rehearsed", 3),
+    ]
     columns = execution.summarize(rows)
     assert {name: c["n"] for name, c in columns.items()} == {"paper": 2, "rehearsed": 2}
     assert (columns["paper"]["success"], columns["rehearsed"]["success"]) == (0.5, 1.0)
