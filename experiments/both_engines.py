@@ -28,12 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.execution import figures, mean_moves
+from experiments.execution import COLUMNS, figures, mean_moves
 from experiments.physics_orders import Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
+from packenv.items.shelf import ItemShelf
 from packenv.robot.files import default_cell
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
@@ -47,18 +48,19 @@ def work(job: PlanJob) -> dict[str, Any]:
     row, plan = planned_row(job)
     if plan is None:
         return row
-    return {**row, "nominal": _in_both(plan, None), "disturbed": _in_both(plan, job.index)}
+    shelf = Worker.store.shelf_of(COLUMNS[job.column].options)
+    return {**row, "nominal": _in_both(plan, shelf, None), "disturbed": _in_both(plan, shelf, job.index)}
 
 
-def _in_both(plan: Plan, disturb: int | None) -> dict[str, Any]:
+def _in_both(plan: Plan, shelf: ItemShelf, disturb: int | None) -> dict[str, Any]:
     done: dict[str, Execution] = {}
     found: dict[str, Any] = {}
     for engine in ENGINES:
         config = ExecutionConfig.of(default_cell(), engine)
         start = time.process_time()
-        done[engine] = execute(plan, Worker.store.shelf, feel=True, disturb=disturb, config=config).execution
+        done[engine] = execute(plan, shelf, feel=True, disturb=disturb, config=config).execution
         found[engine] = {**figures(done[engine]), "cpu_s": time.process_time() - start}
-    physics = Worker.store.shelf.physics
+    physics = shelf.physics
     poses = (done[engine].final for engine in ENGINES)
     found["apart_m"] = [
         pose_gap(physics[p.item], a, b) for p, a, b in zip(plan.placements, *poses, strict=False)
@@ -112,7 +114,7 @@ def main() -> int:
         description=(__doc__ or "").splitlines()[0],
         experiment="both_engines",
         orders=100,
-        column="clearance",
+        column="default-unguarded",
     )
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _FRAME_SIZE = (480, 480)
 """Width and height of the pictures, px."""
+_ITEM_MEMORY = 16 * 2**20
+"""Bytes of meshes that an environment keeps; a scan takes 0.6 MB, and reading it a millisecond."""
 _NO_ACTION = -1
 """What stands for an action that is no whole number."""
 
@@ -137,7 +139,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._observer = Observer(self.config)
         self.observation_space = cast("spaces.Space[Observation]", self._observer.space)
         self.action_space = spaces.Discrete(self.config.candidates + 1)
-        catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit)
+        catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit, item_memory=_ITEM_MEMORY)
         # Physics knows convex parts alone, so planning must know them too.
         self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
         self._generator = make_generator(order_generator, catalogue)

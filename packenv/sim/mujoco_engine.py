@@ -36,14 +36,14 @@ class MujocoConfig(EngineConfig):
         time_step: s.
         softness: time in which a contact pushes bodies apart, s; MuJoCo asks for two time steps or more.
         impratio: how much harder contacts are sideways than along the normal: against creep.
-        noslip: iterations that take the remaining creep out of contacts that stick.
+        noslip: iterations that take the remaining creep out of contacts that stick; they cost more than all else.
     """
 
     name: ClassVar[EngineName] = "mujoco"
     time_step: float = 0.002
     softness: float = 0.005
-    impratio: float = 10.0
-    noslip: int = 5
+    impratio: float = 60.0
+    noslip: int = 0
 
     def start(self, rolling: float, *, gui: bool = False) -> MujocoEngine:
         """An engine without bodies; it has no window."""

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 from packenv.items.plan_items import Items, options_of, shelf_of
 from packenv.planning.robustness import Robustness, least_of, measure_robustness
 from packenv.types import Item, Plan
 from packenv.verification.claims import Misstatement, misstatements, not_checked, overstatements
-from packenv.verification.exact_meshes import AuditReport, audit_plan, misstated_boxes
 from packenv.verification.limits import BrokenLimit, broken_limits
 from packenv.verification.stability_and_reach import Recheck, recheck
+
+if TYPE_CHECKING:
+    from packenv.verification.exact_meshes import AuditReport
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,11 @@ def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = Non
     Raises:
         InputError: a mesh is not the one that the plan was made of, or the plan's settings are wrong.
     """
+    from packenv.verification.exact_meshes import (  # fcl and scipy: a quarter second
+        audit_plan,
+        misstated_boxes,
+    )
+
     options = options_of(plan)
     shelf = shelf_of(plan, catalogue, unit=unit)
     names = dict.fromkeys(p.item for p in plan.placements)
