@@ -105,6 +105,7 @@ def told(figures: Sequence[float], successes: Sequence[bool]) -> dict[str, Any]:
     Returns:
         ``thirds``: success in the third with the least figures, in the middle and in the upper one. ``more``: how
         often one that succeeds has more than one that fails, ties by half; None where all or none succeed.
+        ``zero`` and ``above``: successes and executions where the figure is 0, and where it is more.
     """
     good = np.array(successes, dtype=bool)
     values = np.array(figures)
@@ -114,6 +115,8 @@ def told(figures: Sequence[float], successes: Sequence[bool]) -> dict[str, Any]:
     return {
         "thirds": [float(third.mean()) if len(third) else None for third in thirds],
         "more": float(pairs.mean()) if pairs.size else None,
+        "zero": [int(good[values == 0.0].sum()), int((values == 0.0).sum())],
+        "above": [int(good[values > 0.0].sum()), int((values > 0.0).sum())],
     }
 
 

@@ -10,7 +10,9 @@ from experiments.robustness import summarize, told
 
 def test_a_figure_that_tells_all_nothing_or_the_contrary():
     figures = np.arange(12.0)
-    assert told(figures, figures >= 6) == {"thirds": [0.0, 0.5, 1.0], "more": 1.0}
+    found = told(figures, figures >= 6)
+    assert (found["thirds"], found["more"]) == ([0.0, 0.5, 1.0], 1.0)
+    assert (found["zero"], found["above"]) == ([0, 1], [6, 11])
     assert told(figures, figures < 6)["more"] == 0.0
     assert told(np.ones(12), figures >= 6)["more"] == 0.5
     assert told(figures, figures >= 0)["more"] is None
