@@ -110,7 +110,6 @@ def test_every_reason_of_the_robot_has_a_row() -> None:
 
 
 def test_every_rule_of_a_drop_is_named() -> None:
-    pytest.importorskip("pybullet", reason="physics needs PyBullet")
     from packenv.execution.physics_planner import INSIDE, LENIENT, STRICT
 
     named = re.findall(r"^- `([a-z-]+)`", PAGE.split("`rule` is one of")[1].split("###")[0], re.MULTILINE)

@@ -120,13 +120,15 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Raises:
             InputError: a setting is wrong, or the catalogue cannot be used.
-            PhysicsError: physics is asked for and pybullet is not installed.
+            PhysicsError: physics is asked for and its engine is not installed.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode is {render_mode!r:.60}, give 'human', 'rgb_array' or None")
         self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
         if self.config.physics:
-            import packenv.sim  # noqa: F401  says now where there is no physics
+            from packenv.sim.engines import engine_config
+
+            engine_config(self.config.engine)  # says now where there is none
         if not Window.possible():
             # Whoever tries every mode, as Gymnasium's checks do, tries those that work here.
             modes = [mode for mode in self.metadata["render_modes"] if mode != "human"]
