@@ -87,9 +87,9 @@ def rough_planes(points: FloatArray) -> FloatArray:
     import manifold3d
 
     mesh = manifold3d.Manifold.hull_points(np.ascontiguousarray(points)).to_mesh64()
-    vertices = np.ascontiguousarray(mesh.vert_properties[:, :3])
-    planes = np.empty((len(mesh.tri_verts), 4))
-    count = _bounding_planes(vertices, mesh.tri_verts.astype(np.int64), planes)
+    vertices, faces = np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, np.int64)
+    planes = np.empty((len(faces), 4))
+    count = _bounding_planes(vertices, faces, planes)
     if count < 4:
         raise ValueError(f"{len(points)} points span no volume")
     return planes[:count]
