@@ -6,14 +6,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 OUT := out
-# Where PyBullet has no wheel there is nothing to rehearse in.
-REHEARSE = $(shell $(BIN)/python -c "import pybullet" >/dev/null 2>&1 && echo --rehearse 3)
 
 .PHONY: demo test lint types layers slow clean
 
 demo: $(VENV)/.core
 	mkdir -p $(OUT)
-	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 $(REHEARSE) \
+	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 --rehearse 3 \
 	  --out $(OUT)/plan.json --html $(OUT)/plan.html --png $(OUT)/plan.png
 	$(BIN)/robotpack verify $(OUT)/plan.json
 

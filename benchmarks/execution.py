@@ -1,10 +1,11 @@
 """What an execution costs: ``python -m benchmarks.execution [--catalogue DIR] [--orders 5] --json``.
 
-Random 10-item orders are planned, under the paper's rule, cautiously and with physics-checked planning, and
-the complete plans are carried out in PyBullet with the robot, without rendering. Planning, reading the
-catalogue and one first execution are in no figure. One process, one thread, CPU time. JSON keys, for each of
-``rules`` (``paper``, ``cautious``, ``physics``):
+Random 10-item orders are planned, under the paper's rule, by default and with physics-checked planning, and
+the complete plans are carried out with the robot, without rendering, in each engine. Planning, reading the
+catalogue and one first execution are in no figure of an execution. One process, one thread, CPU time. JSON keys, for
+each of ``rules`` (``paper``, ``default``, ``physics``):
 
+- ``plan_cpu_s_median``, ``plan_cpu_s_max``: CPU-seconds of a plan; and in each of ``engines``:
 - ``orders``, ``planned``: how many orders, and how many were planned whole; ``n``: how many of those plans
   were carried out to the end, successful or not (a collision ends an execution early, and cheaply);
 - ``cpu_s_median``, ``cpu_s_max``: CPU-seconds of a whole execution, over the plans; each is the median of
@@ -14,15 +15,19 @@ catalogue and one first execution are in no figure. One process, one thread, CPU
 - ``time_shares``: where the CPU time goes, over all plans, measured in one more run of each with a clock
   around the parts named; each part without what other parts do inside it, ``other`` is what is left: ``engine
   steps`` (items falling and settling), ``rest watch``, ``descent watch`` (overlaps of the held item), ``robot
-  watch`` (overlaps of the robot, down and back up), ``robot joints`` (moving the robot), ``path`` (waypoints
-  to time steps), ``world`` (building floor and walls, and taking all down), ``robot model`` (loading the
-  URDF), ``items`` (making shapes and bodies), ``poses`` (moving the held item, measuring, sleep and wake);
+  watch`` (overlaps of the robot, down and back up), ``path`` (waypoints to time steps, and where anything is near
+  them), ``world`` (building floor and walls, and taking all down), ``items`` (making shapes and bodies), ``poses``
+  (moving the held item, measuring, sleep and wake);
 - ``clock_slows``: CPU time of those runs over that without the clock;
 - ``drop_test_ms``: CPU-milliseconds of one drop of the next item of the plan on the pile before it, as
   physics-checked planning asks for it: ``median``, ``mean``, ``max`` and how many, ``n``; making the item's
   shape and body is part of it, carrying the pile over from the drop before likewise.
 
-``cpu_s_median`` at the top is that of ``physics``, or of the last rule that was asked for.
+``rehearsed`` has, for plans that survive six worlds, ``cpu_s_median`` and ``cpu_s_max`` of planning and rehearsing by
+``--rehearse 6`` alone, ``dropped_cpu_s_median`` of the same orders with a drop of every placement besides
+(``--stability physics --clearance 0.01``), and ``ratio``, the median of their ratios.
+
+``cpu_s_median`` at the top is that of the last rule in the first engine.
 """
 
 from __future__ import annotations
@@ -58,22 +63,24 @@ from packenv.sim.rest import RestWatch
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.sim.world import World
-from packenv.types import Container, Order
+from packenv.types import Container, Order, Plan
 
 GRID = GridConfig()
-CONFIG = ExecutionConfig()
 RULES = {
     "paper": PlanOptions("hm", geometry="parts", stability="paper"),
-    "cautious": PlanOptions("hm", geometry="parts", stability="cautious"),
+    "default": PlanOptions(geometry="parts"),
     "physics": PlanOptions("hm", geometry="parts", stability="physics", clearance=0.01),
 }
+REHEARSED = PlanOptions(rehearse=6)
+DROPPED = PlanOptions("hm", stability="physics", clearance=0.01, rehearse=6)
 PARTS: tuple[tuple[type, str, str], ...] = (
     (World, "step", "engine steps"),
     (World, "overlaps", "descent watch"),
     (RestWatch, "calm", "rest watch"),
     (RobotModel, "overlaps", "robot watch"),
-    (RobotModel, "move", "robot joints"),
-    (RobotModel, "__init__", "robot model"),
+    (RobotModel, "way", "path"),
+    (RobotModel, "near", "path"),
+    (World, "near", "path"),
     (World, "__init__", "world"),
     (World, "close", "world"),
     (World, "add", "items"),
@@ -132,34 +139,54 @@ def cpu(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - start, result
 
 
-def plan(options: PlanOptions, order: Sequence[str], shelf: ItemShelf, box: Container) -> Any:
-    """Tasks of the plan of an order; None where items are left over."""
-    made = api.plan(Order.of(*order), box, shelf, options, margins=False)
-    if not made.complete:
-        return None
+def tasks_of(made: Plan, shelf: ItemShelf, box: Container) -> list[PlacementTask]:
+    """What the robot does to carry a plan out."""
     cell = default_cell().with_container(box)
     return [task_of(p, shelf.physics[p.item], cell) for p in made.placements]
 
 
-def execute(tasks: Sequence[PlacementTask], box: Container) -> Execution:
+def plan(options: PlanOptions, order: Sequence[str], shelf: ItemShelf, box: Container) -> Plan:
+    """The plan of an order."""
+    return api.plan(Order.of(*order), box, shelf, options, margins=False)
+
+
+def execute(tasks: Sequence[PlacementTask], box: Container, config: ExecutionConfig) -> Execution:
     """Carry a plan out as ``robotpack execute`` does."""
-    return run_tasks(tasks, default_cell().with_container(box), CONFIG)
+    return run_tasks(tasks, default_cell().with_container(box), config)
 
 
-def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: int) -> dict[str, Any]:
+def rehearsed(orders: Sequence[Sequence[str]], shelf: ItemShelf, box: Container) -> dict[str, Any]:
+    """What rehearsed plans cost, and what they cost with a drop of every placement."""
+    alone, dropped = [], []
+    for order in tqdm(orders, desc="rehearsing", disable=None):
+        shelf.load(order, fields=True, physics=True)
+        for options, spent in ((REHEARSED, alone), (DROPPED, dropped)):
+            spent.append(cpu(functools.partial(plan, options, order, shelf, box))[0])
+    return {
+        "n": len(alone),
+        "cpu_s_median": statistics.median(alone),
+        "cpu_s_max": max(alone),
+        "dropped_cpu_s_median": statistics.median(dropped),
+        "ratio": statistics.median(d / a for a, d in zip(alone, dropped, strict=True)),
+    }
+
+
+def executions(
+    plans: Sequence[list[PlacementTask]], box: Container, repeats: int, config: ExecutionConfig
+) -> dict[str, Any]:
     """Time whole executions, then their parts."""
     rows = []
     clock = Clock()
     plain = clocked = 0.0
     for tasks in tqdm(plans, desc="executing", disable=None):
-        runs = [cpu(functools.partial(execute, tasks, box)) for _ in range(repeats)]
+        runs = [cpu(functools.partial(execute, tasks, box, config)) for _ in range(repeats)]
         done = runs[0][1]
         if len(done.items) < len(tasks):
             continue
         seconds = statistics.median(spent for spent, _ in runs)
         steps = clock.calls["engine steps"]
         with clock.around(PARTS):
-            clocked += cpu(functools.partial(execute, tasks, box))[0]
+            clocked += cpu(functools.partial(execute, tasks, box, config))[0]
         steps = clock.calls["engine steps"] - steps
         plain += seconds
         rows.append((seconds, seconds / len(tasks), done.simulated_s, steps))
@@ -180,11 +207,13 @@ def executions(plans: Sequence[list[PlacementTask]], box: Container, repeats: in
     }
 
 
-def drop_tests(plans: Sequence[list[PlacementTask]], box: Container) -> dict[str, Any]:
+def drop_tests(
+    plans: Sequence[list[PlacementTask]], box: Container, config: ExecutionConfig
+) -> dict[str, Any]:
     """Time the drops of physics-checked planning, had its first choice always been the plan's."""
     seconds = []
     for tasks in plans:
-        test = DropTest(box, CONFIG.world)
+        test = DropTest(box, config.world)
         pile: tuple[Lying, ...] = ()
         for task in tasks:
             for how in CAREFUL:
@@ -215,6 +244,8 @@ def main() -> int:
     parser.add_argument("--orders", type=int, default=5)
     parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
     parser.add_argument("--rules", nargs="+", choices=tuple(RULES), default=list(RULES))
+    parser.add_argument("--engines", nargs="+", choices=("bullet", "mujoco"), default=["mujoco"])
+    parser.add_argument("--rehearsed", type=int, default=3, help="orders to rehearse (default: %(default)s)")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each plan (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true", help="JSON only, no table")
@@ -225,26 +256,35 @@ def main() -> int:
     orders = random_orders(names, arguments.items, arguments.orders, arguments.seed)
     report: dict[str, Any] = {}
     for rule in arguments.rules:
-        planned = [
-            plan(RULES[rule], order, shelf, box)
-            for order in tqdm(orders, desc=f"planning, {rule}", disable=None)
-        ]
-        plans = [tasks for tasks in planned if tasks is not None]
-        if plans:
-            execute(plans[0], box)
+        spent, made = [], []
+        for order in tqdm(orders, desc=f"planning, {rule}", disable=None):
+            shelf.load(order, fields=True, physics=True)
+            seconds, found = cpu(functools.partial(plan, RULES[rule], order, shelf, box))
+            spent.append(seconds)
+            made += [tasks_of(found, shelf, box)] if found.complete else []
         report[rule] = {
             "orders": len(orders),
-            "planned": len(plans),
-            **executions(plans, box, arguments.repeats),
-            "drop_test_ms": drop_tests(plans, box),
+            "planned": len(made),
+            "plan_cpu_s_median": statistics.median(spent),
+            "plan_cpu_s_max": max(spent),
+            "engines": {},
         }
-        if not arguments.json and report[rule]["n"]:
-            _tell(rule, report[rule])
+        for engine in arguments.engines if made else ():
+            config = ExecutionConfig.of(default_cell(), engine)
+            execute(made[0], box, config)
+            told = report[rule]["engines"][engine] = {
+                **executions(made, box, arguments.repeats, config),
+                "drop_test_ms": drop_tests(made, box, config),
+            }
+            if not arguments.json and told["n"]:
+                _tell(f"{rule}, {engine}", told)
+    last = report[arguments.rules[-1]]["engines"].get(arguments.engines[0], {})
     document = {
         "catalogue": arguments.catalogue,
         "container": box.label,
         "items": arguments.items,
-        "cpu_s_median": report[arguments.rules[-1]].get("cpu_s_median"),
+        "cpu_s_median": last.get("cpu_s_median"),
+        "rehearsed": rehearsed(orders[: arguments.rehearsed], shelf, box) if arguments.rehearsed else None,
         "rules": report,
     }
     print(json.dumps(document, indent=1))
@@ -253,7 +293,7 @@ def main() -> int:
 
 def _tell(rule: str, found: dict[str, Any]) -> None:
     print(
-        f"{rule:<8} {found['cpu_s_median']:.2f} CPU-seconds a plan, {found['cpu_s_an_item']:.2f} an item, "
+        f"{rule:<16} {found['cpu_s_median']:.2f} CPU-seconds a plan, {found['cpu_s_an_item']:.2f} an item, "
         f"{found['simulated_s_median']:.1f} s simulated; a drop {found['drop_test_ms']['median']:.0f} ms",
         file=sys.stderr,
     )

@@ -2,7 +2,7 @@
 
 ``python -m experiments.early_rest --catalogue DIR``.
 
-Every complete plan is carried out twice in PyBullet, in the nominal world: *early*, settling ends when
+Every complete plan is carried out twice in one engine, in the nominal world: *early*, settling ends when
 everything is at rest by :class:`packenv.sim.rest.RestRule`; *full*, every item gets its 20 s. All else is the
 same. In the early mode items also sleep from then on until something touches them, in the full mode none ever
 does: what differs between the two is the waiting and the sleep together.
@@ -43,24 +43,31 @@ from typing import Any
 import numpy as np
 
 from experiments.execution import figures
-from experiments.physics_orders import CONFIG, Worker
+from experiments.physics_orders import Worker
 from experiments.planned_orders import PlanJob, planned_row, run
 from experiments.pose_gap import pose_gap
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
+from packenv.sim.engines import engine_config
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
 
 _APART = 0.001
-_CONVERGED = replace(CONFIG, world=replace(CONFIG.world, residual=0.0, anchored=True))
 
 
 def work(job: PlanJob) -> dict[str, Any]:
     """Plan one order and carry it out twice."""
     row, plan = planned_row(job)
-    config = _CONVERGED if "converged" in job.experiment.split() else CONFIG
+    config = _converged() if "converged" in job.experiment.split() else Worker.config
     return row if plan is None else {**row, **both(plan, Worker.store.shelf, config)}
+
+
+def _converged() -> ExecutionConfig:
+    """A solver that never stops early, and friction anchors; these are PyBullet's alone."""
+    engine = replace(engine_config("bullet"), residual=0.0, anchored=True)  # type: ignore[call-arg]
+    config = Worker.config
+    return replace(config, world=replace(config.world, engine=engine))
 
 
 def both(plan: Plan, shelf: ItemShelf, config: ExecutionConfig) -> dict[str, Any]:

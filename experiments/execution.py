@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.runs import finish
-from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.physics_orders import GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
@@ -45,23 +45,22 @@ class Column:
     feel: bool = False
 
 
-CHECKED = PlanOptions("hm", stability="physics", clearance=0.01, rehearse=6)
+REHEARSED = PlanOptions(rehearse=6)
+DROPPED = PlanOptions("hm", stability="physics", clearance=0.01, rehearse=6)
 COLUMNS = {
     column.name: column
     for column in (
-        Column("overlap", PlanOptions("hm", constraints="overlap", stability="paper")),
-        Column("paper", PlanOptions("hm", stability="paper")),
-        Column("cautious", PlanOptions("hm", stability="cautious")),
-        Column("auto", PlanOptions("auto", stability="cautious")),
-        Column("margin", PlanOptions("hm", stability="margin")),
-        Column("clearance", PlanOptions("hm", stability="cautious", clearance=0.01)),
-        Column("physics", CHECKED),
-        Column("guarded", CHECKED, feel=True),
-        Column("closed-loop", CHECKED, closed=True, feel=True),
+        Column("overlap", PlanOptions("hm", constraints="overlap", stability="paper", geometry="parts")),
+        Column("paper", PlanOptions("hm", stability="paper", clearance=0.0, geometry="parts")),
+        Column("default-unguarded", PlanOptions()),
+        Column("default", PlanOptions(), feel=True),
+        Column("rehearsed", REHEARSED, feel=True),
+        Column("closed-loop", REHEARSED, closed=True, feel=True),
+        Column("dropped", DROPPED, feel=True),
     )
 }
-USUAL = ("overlap", "paper", "cautious", "physics", "guarded", "closed-loop")
-"""Columns that are run unless others are named: those that plan nearly every order whole."""
+USUAL = ("overlap", "paper", "default-unguarded", "default", "rehearsed", "closed-loop")
+"""Columns that are run unless others are named."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,8 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, CONFIG, feeling(CONFIG), Disturbance(self.index), self)
+        config = Worker.config
+        return row_key(__version__, GRID, config, feeling(config), Disturbance(self.index), self)
 
 
 _BLOCK = 50
@@ -115,7 +115,12 @@ def work(job: Job) -> dict[str, Any]:
 def _carry_out(column: Column, plan: Plan, disturb: int | None) -> dict[str, Any]:
     start = time.process_time()
     executed = execute(
-        plan, Worker.store.shelf, feel=column.feel, closed_loop=column.closed, disturb=disturb, config=CONFIG
+        plan,
+        Worker.store.shelf_of(column.options),
+        feel=column.feel,
+        closed_loop=column.closed,
+        disturb=disturb,
+        config=Worker.config,
     )
     return {
         **figures(executed.execution),
@@ -190,7 +195,7 @@ def main() -> int:
     parser = options((__doc__ or "").splitlines()[0], orders=200, out="runs/execution.jsonl")
     parser.add_argument("--columns", nargs="+", choices=tuple(COLUMNS), default=list(USUAL))
     arguments = parser.parse_args()
-    prepare(arguments.catalogue, arguments.plans)
+    prepare(arguments.catalogue, arguments.plans, arguments.engine)
     columns = [COLUMNS[name] for name in arguments.columns]
     jobs = list(in_turn(columns, drawn_orders(arguments), Worker.store.shelf.shapes))
     done, failed = finish(
@@ -200,7 +205,7 @@ def main() -> int:
         workers=arguments.workers,
         timeout=1800,
         prepare=prepare,
-        arguments=(arguments.catalogue, arguments.plans),
+        arguments=(arguments.catalogue, arguments.plans, arguments.engine),
     )
     document = {"columns": summarize([row for row in done if "error" not in row]), "failed_jobs": failed}
     print(json.dumps(document, indent=1))  # noqa: T201

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import get_args
 
 from benchmarks.orders import fitting, random_orders, small_orders
 from benchmarks.shelf import open_shelf
 from experiments.plan_store import PlanStore
-from packenv.config import GridConfig
+from packenv.config import EngineName, GridConfig
+from packenv.robot.files import default_cell
 from packenv.sim.session import ExecutionConfig
 from packenv.types import Container
 
 GRID = GridConfig()
 BOX = Container(0.32, 0.32, 0.30)
-CONFIG = ExecutionConfig()
 
 
 class Worker:
     """What a worker process loads once."""
 
     store: PlanStore
+    config = ExecutionConfig()
 
 
-def prepare(catalogue: str, plans: Path) -> None:
-    """Load a catalogue into this process, every item as its envelope; plans are kept in a folder."""
-    Worker.store = PlanStore(plans, open_shelf(catalogue, "parts", GRID), BOX)
+def prepare(catalogue: str, plans: Path, engine: EngineName = "auto") -> None:
+    """Load a catalogue into this process, items as envelopes and as meshes; plans are kept in a folder."""
+    shelves = (open_shelf(catalogue, geometry, GRID) for geometry in ("parts", "mesh"))
+    parts, meshes = shelves
+    Worker.store = PlanStore(plans, parts, BOX, meshes)
+    Worker.config = ExecutionConfig.of(default_cell(), engine)
 
 
 def options(description: str, *, orders: int, out: str) -> argparse.ArgumentParser:
@@ -36,6 +41,9 @@ def options(description: str, *, orders: int, out: str) -> argparse.ArgumentPars
     parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
     parser.add_argument("--small", action="store_true", help="orders of three to five items instead")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--engine", choices=get_args(EngineName), default="auto", help="of executions (default: %(default)s)"
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path(out))
     parser.add_argument(

@@ -45,38 +45,47 @@ class PlanStore:
         folder: where the files are.
         shelf: the items, as their envelopes.
         box: the container.
+        meshes: the items as their meshes, for options that plan on these; None where all do on envelopes.
     """
 
     folder: Path
     shelf: ItemShelf
     box: Container
+    meshes: ItemShelf | None = None
+
+    def shelf_of(self, options: PlanOptions) -> ItemShelf:
+        """The items that options plan with."""
+        return self.shelf if options.shape == "parts" or self.meshes is None else self.meshes
 
     def plan(self, order: Sequence[str], options: PlanOptions) -> StoredPlan:
         """Read the plan of an order, or make and keep it.
 
         Args:
             order: item names, each once.
-            options: how to plan; on envelopes in any case.
+            options: how to plan.
         """
-        options = replace(options, geometry="parts")
+        if self.meshes is None:
+            options = replace(options, geometry="parts")
+        shelf = self.shelf_of(options)
         items = fingerprints(self.shelf.shapes, order)
         key = row_key(__version__, self.box, options.to_mapping(), own_code(options), tuple(order), items)
         path = self.folder / f"{key}.json"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)
             api.save_plan(self._made(order, options), path)
-        plan = api.load_plan(path, self.shelf)
+        plan = api.load_plan(path, shelf)
         return StoredPlan(plan, float(plan.metrics["plan_cpu_s"]))
 
     def _made(self, order: Sequence[str], options: PlanOptions) -> Plan:
         seconds = 0.0
         if options.rehearse:
-            first = self.plan(order, replace(options, rehearse=0))
+            first = self.plan(order, replace(options, rehearse=0, geometry="parts"))
             seconds, start = first.cpu_s, time.process_time()
             plan = api.rehearse(first.plan, self.shelf, options, margins=False)
         else:
-            self.shelf.load(order, fields=True)
+            shelf = self.shelf_of(options)
+            shelf.load(order, fields=True)
             start = time.process_time()
-            plan = api.plan(Order.of(*order), self.box, self.shelf, options, margins=False)
+            plan = api.plan(Order.of(*order), self.box, shelf, options, margins=False)
         seconds += time.process_time() - start
         return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})

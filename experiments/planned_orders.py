@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.runs import finish
 from experiments.execution import COLUMNS
-from experiments.physics_orders import CONFIG, GRID, Worker, drawn_orders, options, prepare
+from experiments.physics_orders import GRID, Worker, drawn_orders, options, prepare
 from experiments.plan_store import fingerprints
 from packenv.io.rows import row_key
 from packenv.types import Plan
@@ -43,7 +43,7 @@ class PlanJob:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(__version__, GRID, CONFIG, COLUMNS[self.column], self)
+        return row_key(__version__, GRID, Worker.config, COLUMNS[self.column], self)
 
 
 def planned_row(job: PlanJob) -> tuple[dict[str, Any], Plan | None]:
@@ -93,7 +93,7 @@ def run(
         parser.add_argument(f"--{name}", action="store_true", help=text)
     arguments = parser.parse_args()
     experiment = " ".join([experiment, *(name for name in flags if getattr(arguments, name))])
-    prepare(arguments.catalogue, arguments.plans)
+    prepare(arguments.catalogue, arguments.plans, arguments.engine)
     jobs = [
         PlanJob(
             experiment, arguments.column, index, tuple(order), fingerprints(Worker.store.shelf.shapes, order)
@@ -107,7 +107,7 @@ def run(
         workers=arguments.workers,
         timeout=_TIMEOUT,
         prepare=prepare,
-        arguments=(arguments.catalogue, arguments.plans),
+        arguments=(arguments.catalogue, arguments.plans, arguments.engine),
     )
     sound = [row for row in rows if "error" not in row]
     report = {

@@ -1,8 +1,9 @@
-"""The discretization of the search. Its defaults are the paper's values."""
+"""Settings that several packages share: the discretization of the search, with the paper's values, and gravity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from packenv.errors import InputError
 
@@ -11,6 +12,9 @@ CLEARANCE = 2e-5
 
 An item as large as the container fits, and so does a stack of exact layers, whose heights are rounded up.
 """
+
+EngineName: TypeAlias = Literal["auto", "bullet", "mujoco"]
+"""A physics engine; ``auto``: PyBullet where it is installed, else MuJoCo."""
 
 GRAVITY = 9.81
 """Acceleration of gravity, m/s²."""

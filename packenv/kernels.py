@@ -8,15 +8,18 @@ called function the old code would run on. Here the key of each file on disk hol
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import types
 from numba.core.caching import FunctionCache
+from numba.core.compiler import Flags
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, tuple, np.ndarray, np.generic)
 """Kinds of globals that numba freezes by value."""
@@ -29,6 +32,69 @@ class _FrozenCache(FunctionCache):
         """Numba's key, and the digest of what was frozen: asked for at the first call, when all is there."""
         key: tuple[object, ...] = super()._index_key(sig, codegen)  # type: ignore[no-untyped-call]
         return (*key, frozen(self._py_func))
+
+
+class _Kernel(CPUDispatcher):
+    """Numba's dispatcher, which compiles a function once for all integers and truth values that are passed to it.
+
+    Numba compiles a callee anew for each constant in a call of it: ``f(x, 0)`` and ``f(x, 1)`` are two. LLVM
+    puts the constants in where it inlines the callee, so they need no code of their own.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options)
+        self._compiler._customize_flags = _Flags
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """The callee's types in a call from another compiled function."""
+        return super().get_call_template(tuple(map(_widened, args)), {k: _widened(v) for k, v in kws.items()})
+
+    def compile(self, sig: object) -> Any:
+        """Compile without collections of garbage, which take a seventh of the time."""
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile(sig)
+        finally:
+            if enabled:
+                gc.enable()
+
+
+class _Flags(Flags):
+    """Numba's options of one compilation, whose values are put together once.
+
+    Numba looks up by them whatever a function calls, a thousand times for one function, and asks each time for
+    all of their values: half of what it takes to infer types.
+    """
+
+    __slots__ = ("_known",)
+
+    def __init__(self, flags: Flags) -> None:
+        super().__init__(flags)
+        self._known: tuple[dict[str, Any], dict[str, Any], int] | None = None
+
+    def __hash__(self) -> int:
+        return self._all()[2]
+
+    def __eq__(self, other: object) -> bool:
+        return self.values() == other.values() if isinstance(other, Flags) else NotImplemented
+
+    def values(self) -> dict[str, Any]:
+        """The value of each option."""
+        return self._all()[1]
+
+    def _all(self) -> tuple[dict[str, Any], dict[str, Any], int]:
+        known = self._known
+        if known is None or known[0] != self._values:
+            values = super().values()
+            known = self._known = (dict(self._values), values, hash(tuple(sorted(values))))
+        return known
+
+
+def _widened(kind: Any) -> Any:
+    """The type that a scalar argument is compiled for: no constants, and one kind of integer."""
+    kind = types.unliteral(kind)
+    return types.int64 if isinstance(kind, types.Integer) else kind
 
 
 def frozen(function: Callable[..., Any]) -> str:
@@ -76,7 +142,9 @@ def _named(code: CodeType, names: dict[str, Any]) -> Iterator[tuple[str, object]
 
 def _kept(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
     def compile_and_keep(function: Callable[..., Any]) -> Any:
-        dispatcher = njit(nogil=True, **options)(function)
+        # No wrapper for callers in C: there are none.
+        always = {"nopython": True, "nogil": True, "boundscheck": None, "no_cfunc_wrapper": True}
+        dispatcher = _Kernel(function, {**always, **options})
         with contextlib.suppress(RuntimeError):  # no folder can be written: compiled in each process
             # As its enable_caching() does.
             dispatcher._cache = _FrozenCache(function)  # type: ignore[no-untyped-call]

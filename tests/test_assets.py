@@ -16,7 +16,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from tests.conftest import NO_PHYSICS
+from tests.conftest import NO_BULLET
 
 ASSETS = Path(__file__).resolve().parents[1] / "assets"
 CATALOGUE = ASSETS / "catalogue"
@@ -229,7 +229,7 @@ def test_party_cups_stack() -> None:
 
 @pytest.mark.parametrize(("name", "floor"), [("mug", 0.005), ("bowl", 0.0082), ("nesting_cup_3", 0.003)])
 def test_physics_keeps_the_hollow_open(name: str, floor: float) -> None:
-    pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
+    pybullet = pytest.importorskip("pybullet", reason=NO_BULLET)
     client = pybullet.connect(pybullet.DIRECT)
     try:
         path = str(CATALOGUE / ROWS[name]["parts_file"])

@@ -14,12 +14,13 @@ import pytest
 import packenv as rp
 from packenv.cli import main
 from packenv.env.config import PackConfig
+from packenv.geometry.transforms import quaternion_to_rotation
 from packenv.items.plan_items import cell_of
 from packenv.planning.options import PlanOptions
 from packenv.robot.cell import CellSetup, Place
 from packenv.robot.files import default_cell, load_cell
 from packenv.robot.urdf import urdf_text
-from tests.conftest import NO_PHYSICS, PHYSICS, REPO
+from tests.conftest import REPO
 from tests.env_samples import COARSE, best_action, make_env
 from tests.robot.sampling import KR10
 
@@ -30,7 +31,6 @@ TURNED = {
     "friction": 0.6,
 }
 PAGE = (REPO / "docs" / "cell.md").read_text(encoding="utf-8")
-needs_physics = pytest.mark.skipif(not PHYSICS, reason=NO_PHYSICS)
 
 
 @pytest.fixture
@@ -52,7 +52,6 @@ def pack(order: Path, *more: str | Path) -> tuple[int, Path]:
     return main(["pack", str(order), "--container", BOX, "--out", str(out), *map(str, more)]), out
 
 
-@needs_physics
 @pytest.mark.parametrize(
     "cell", ["kr10_r1100", str(REPO / "assets" / "robots" / "kr10_r1100.json"), "turned"]
 )
@@ -149,27 +148,27 @@ def test_friction_is_the_cells_in_planning() -> None:
     assert rp.verify(claimed).recheck.unstable_steps == (4,)
 
 
-@needs_physics
-def test_physics_has_the_robot_where_the_planner_has_it() -> None:
-    import pybullet
-
+def test_physics_has_the_robot_where_the_planner_has_it(engine: str) -> None:
+    from packenv.sim.engines import engine_config
     from packenv.sim.robot_model import RobotModel
-    from packenv.sim.world import SCALE, World, WorldConfig
+    from packenv.sim.world import World, WorldConfig
 
     cell = load_cell(TURNED).with_container(rp.Container(0.16, 0.12, 0.10))
     joints = np.array([0.2, -1.4, 1.9, 0.3, 0.9, -2.0])
-    frames = cell.poses_to_container(KR10.link_frames(joints))
-    with World(cell.container, WorldConfig()) as world:
+    with World(cell.container, WorldConfig(engine=engine_config(engine))) as world:
         robot = RobotModel(world, cell)
-        robot.move(joints)
-        for link in range(6):
-            state = pybullet.getLinkState(robot.body, link, 0, True, physicsClientId=world.client)
-            turn = np.reshape(pybullet.getMatrixFromQuaternion(state[5]), (3, 3))
-            np.testing.assert_allclose(np.array(state[4]) / SCALE, frames[link + 1, :3, 3], atol=1e-6)
-            np.testing.assert_allclose(turn, frames[link + 1, :3, :3], atol=1e-6)
+        robot._place(joints, rods := [*robot._arm_rods(), robot._gripper])
+        frames = KR10.link_frames(joints)
+        links = [p for p in KR10.shapes.primitives if p.link >= 2]
+        for rod, primitive in zip(rods, links, strict=True):
+            at, turn = world.engine.pose(rod.body)
+            half = np.linalg.norm(np.subtract(primitive.end, primitive.start)) / 2.0
+            axis = quaternion_to_rotation(turn)[:, 2]
+            for end, point in ((-half, primitive.start), (half, primitive.end)):
+                there = frames[primitive.link, :3, :3] @ point + frames[primitive.link, :3, 3]
+                np.testing.assert_allclose(at + end * axis, cell.to_container(there), atol=1e-6)
 
 
-@needs_physics
 def test_friction_is_the_cells_in_physics() -> None:
     from packenv.sim.disturbance import Disturbance
     from packenv.sim.session import ExecutionConfig
@@ -191,7 +190,7 @@ def test_the_environment_is_of_its_cell() -> None:
         PackConfig.from_mapping({"cell": "tx9"})
 
 
-@pytest.mark.parametrize("physics", [False, pytest.param(True, marks=needs_physics)])
+@pytest.mark.parametrize("physics", [False, True])
 def test_an_episode_in_another_cell_is_a_plan_for_it(physics: bool) -> None:
     env = make_env(cell=TURNED, physics=physics)
     obs, _ = env.reset(seed=0)

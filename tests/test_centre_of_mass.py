@@ -18,7 +18,6 @@ from packenv.planning.stability.contacts import Body, item_contacts, join
 from packenv.planning.stability.settling import settles
 from packenv.types import Container, Item, Placement, Plan
 from packenv.verification.stability_and_reach import recheck
-from tests.conftest import NO_PHYSICS
 from tests.shapes import box
 from tests.shelf_samples import shelf_of
 
@@ -81,7 +80,6 @@ def test_a_box_with_its_mass_in_a_corner_tips_where_that_is_over_the_edge(yaw: f
 
 @pytest.mark.parametrize(("yaw", "beyond"), CASES)
 def test_in_physics_it_tips_there_too(yaw: float, beyond: float) -> None:
-    pytest.importorskip("pybullet", reason=NO_PHYSICS)
     from packenv.sim.physics_items import PhysicsItem
     from packenv.sim.world import World
 
@@ -102,7 +100,6 @@ def test_in_physics_it_tips_there_too(yaw: float, beyond: float) -> None:
 
 def test_its_moments_are_those_of_uniform_density() -> None:
     """How the mass is spread nobody said: the figures for a body in physics do not change with the centre."""
-    pytest.importorskip("pybullet", reason=NO_PHYSICS)
     from packenv.sim.physics_items import PhysicsItem
 
     even = box(*SIZE, "loaded")

@@ -11,7 +11,7 @@ import pytest
 
 REPO = Path(__file__).resolve().parents[1]
 NAMES = sorted(path.stem for path in (REPO / "examples").glob("*.py") if path.stem != "__init__")
-NEEDS = {"train_with_sb3": "stable_baselines3", "pack_an_order": "pybullet", "play_trajectory": "pybullet"}
+NEEDS = {"train_with_sb3": "stable_baselines3", "play_trajectory": "pybullet"}
 WRITES = {"pack_an_order": "plan.html", "own_meshes": "parts.glb", "play_trajectory": "trajectories.json"}
 
 

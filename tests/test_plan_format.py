@@ -95,7 +95,7 @@ def test_every_key_of_a_plan_file_has_a_row() -> None:
     step = written["steps"][0]
     records = [written, written["container"], step, *written["meshes"].values()]
     records += [figures for figures in step["details"].values() if isinstance(figures, dict)]
-    assert set(step["details"]) == {"stability", "manipulation", "clearance_m"}
+    assert set(step["details"]) == {"stability", "manipulation", "robustness", "clearance_m"}
     named = rows()
     assert {key for record in records for key in record} - named == set()
     metrics = {"route_<route>" if key.startswith("route_") else key for key in written["metrics"]}
@@ -111,7 +111,6 @@ def test_every_reason_of_the_robot_has_a_row() -> None:
 
 
 def test_every_rule_of_a_drop_is_named() -> None:
-    pytest.importorskip("pybullet", reason="physics needs PyBullet")
     from packenv.execution.physics_planner import INSIDE, LENIENT, STRICT
 
     named = re.findall(r"^- `([a-z-]+)`", PAGE.split("`rule` is one of")[1].split("###")[0], re.MULTILINE)

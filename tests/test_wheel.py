@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from packenv import __version__
-from tests.conftest import PHYSICS, REPO
+from tests.conftest import REPO
 
 pytestmark = pytest.mark.slow
 
@@ -106,14 +106,8 @@ def test_a_plan_is_made_and_audited(installed, plan):
         assert (installed.folder / name).stat().st_size > 10_000
 
 
-def test_a_plan_is_carried_out_or_one_line_says_why_not(installed, plan):
-    if PHYSICS:
-        assert installed.json("robotpack", "execute", plan)["success"]
-        return
-    done = installed.run("robotpack", "execute", plan, "--json")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "pybullet" in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_a_plan_is_carried_out(installed, plan):
+    assert installed.json("robotpack", "execute", plan)["success"]
 
 
 def test_items_are_checked_and_prepared(installed):

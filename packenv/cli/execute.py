@@ -34,12 +34,19 @@ _LATE = 0.1
 
 def run(arguments: argparse.Namespace) -> int:
     """Execute a plan; returns the exit code: 1 where it is no success."""
-    import packenv.sim  # noqa: F401  says before anything is loaded where there is no physics
+    from packenv.sim.engines import engine_config
 
+    engine = engine_config(arguments.engine)  # says before anything is loaded where there is none
+    if arguments.gui and engine.name != "bullet":
+        raise InputError(
+            f"--gui: is PyBullet's window, and the engine is {engine.name}; --gif FILE needs none"
+        )
     if arguments.gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError("--gui: there is no display (DISPLAY is not set); --gif FILE needs none")
     if arguments.seed is not None and not arguments.disturb:
         raise InputError(f"--seed {arguments.seed}: is of the disturbances, give --disturb as well")
+    if arguments.budget is not None and not arguments.closed_loop:
+        raise InputError(f"--budget {arguments.budget:g}: is for planning again, give --closed-loop as well")
     for name, flag in _RULES.items():
         if getattr(arguments, name) is not None and not arguments.closed_loop:
             raise InputError(f"{flag}: is for planning again, give --closed-loop as well")
@@ -78,6 +85,8 @@ def _executed(plan: Plan, shelf: ItemShelf, arguments: argparse.Namespace) -> Ex
             settle=arguments.settle,
             full_settle=arguments.full_settle,
             options=_own_code(plan, arguments),
+            engine=arguments.engine,
+            budget=arguments.budget,
             record=arguments.gif is not None,
             gui=arguments.gui,
             watch=_at_real_speed() if arguments.gui else None,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
+from packenv.config import EngineName
 from packenv.errors import closest_match
 from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
 from packenv.robot.timing import MotionLimits
@@ -294,6 +295,12 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
         "it would fail",
     )
     execute.add_argument(
+        "--budget",
+        type=float,
+        metavar="S",
+        help="longest time for planning again, in closed loop, all in all; then the plan goes on as it is",
+    )
+    execute.add_argument(
         "--settle",
         type=_seconds,
         default=20.0,
@@ -326,7 +333,13 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
         "--heuristic", metavar="NAME|MODULE:NAME", help="plan again, in closed loop, with this rule"
     )
     own_constraint_option(execute)
-    execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window")
+    execute.add_argument(
+        "--engine",
+        choices=get_args(EngineName),
+        default="auto",
+        help="physics engine; auto: PyBullet where it is installed, else MuJoCo (default: %(default)s)",
+    )
+    execute.add_argument("--gui", action="store_true", help="watch in PyBullet's window (--engine bullet)")
     execute.add_argument("--out", type=Path, metavar="FILE", help="write the result (JSON)")
     execute.add_argument("--gif", type=Path, metavar="FILE", help="write an animation")
     execute.add_argument(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
-from packenv.config import GridConfig
+from packenv.config import EngineName, GridConfig
 from packenv.errors import InputError, check_known
 from packenv.planning.options import (
     AUTO,
@@ -52,6 +52,7 @@ _PLANNING: Final = (
     "sequence",
     "own_constraints",
     "cell",
+    "engine",
     "grid",
 )
 """Fields that are options of planning."""
@@ -92,6 +93,7 @@ class PackConfig:
             the episode ends.
         max_invalid: invalid actions on end after which an episode is truncated.
         physics: place every item in physics, and go on with the poses that are measured there.
+        engine: of physics: ``bullet``, ``mujoco``, or ``auto``: PyBullet where it is installed, else MuJoCo.
     """
 
     catalogue: str = "builtin"
@@ -117,6 +119,7 @@ class PackConfig:
     on_infeasible: Literal["skip", "terminate"] = "skip"
     max_invalid: int = 20
     physics: bool = False
+    engine: EngineName = "auto"
 
     def __post_init__(self) -> None:
         """Check every value.

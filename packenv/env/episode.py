@@ -141,7 +141,12 @@ class Episode:
 
         cell = self.rules.options.setup.with_container(self.container)
         return PhysicalArrangement(
-            cell, config.grid.cell_size, self.constraints, self.shelf, robot=config.mask == "robot"
+            cell,
+            config.grid.cell_size,
+            self.constraints,
+            self.shelf,
+            robot=config.mask == "robot",
+            engine=config.engine,
         )
 
     @property

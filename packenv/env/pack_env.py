@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _FRAME_SIZE = (480, 480)
 """Width and height of the pictures, px."""
+_ITEM_MEMORY = 16 * 2**20
+"""Bytes of meshes that an environment keeps; a scan takes 0.6 MB, and reading it a millisecond."""
 _NO_ACTION = -1
 """What stands for an action that is no whole number."""
 
@@ -118,13 +120,15 @@ class PackEnv(gymnasium.Env[Observation, Any]):
 
         Raises:
             InputError: a setting is wrong, or the catalogue cannot be used.
-            PhysicsError: physics is asked for and pybullet is not installed.
+            PhysicsError: physics is asked for and its engine is not installed.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode is {render_mode!r:.60}, give 'human', 'rgb_array' or None")
         self.config = config if isinstance(config, PackConfig) else PackConfig.from_mapping(config or {})
         if self.config.physics:
-            import packenv.sim  # noqa: F401  says now where there is no physics
+            from packenv.sim.engines import engine_config
+
+            engine_config(self.config.engine)  # says now where there is none
         if not Window.possible():
             # Whoever tries every mode, as Gymnasium's checks do, tries those that work here.
             modes = [mode for mode in self.metadata["render_modes"] if mode != "human"]
@@ -135,7 +139,7 @@ class PackEnv(gymnasium.Env[Observation, Any]):
         self._observer = Observer(self.config)
         self.observation_space = cast("spaces.Space[Observation]", self._observer.space)
         self.action_space = spaces.Discrete(self.config.candidates + 1)
-        catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit)
+        catalogue = open_catalogue(self.config.catalogue, unit=self.config.unit, item_memory=_ITEM_MEMORY)
         # Physics knows convex parts alone, so planning must know them too.
         self._shelf = ItemShelf(catalogue, self.config.grid, "parts" if self.config.physics else "mesh")
         self._generator = make_generator(order_generator, catalogue)

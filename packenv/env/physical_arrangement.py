@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from packenv.config import EngineName
 from packenv.env.arrangement import Landing
 from packenv.items.shelf import ItemShelf
 from packenv.planning.constraints import Constraint
@@ -30,6 +31,7 @@ class PhysicalArrangement:
         shelf: ItemShelf,
         *,
         robot: bool,
+        engine: EngineName = "auto",
     ) -> None:
         """Begin with an empty container; the world is built when the first item comes.
 
@@ -39,10 +41,11 @@ class PhysicalArrangement:
             constraints: of the planning, whose states begin anew from what lies at rest.
             shelf: the items; its shapes must be envelopes, so that planning and physics know one geometry.
             robot: the arm is in the world, and places what tells joints.
+            engine: of physics.
         """
         self._cell, self._container = cell, cell.container
         self._cell_size, self._shelf = cell_size, shelf
-        self._constraints, self._robot = tuple(constraints), robot
+        self._constraints, self._robot, self._engine = tuple(constraints), robot, engine
         self._session: Session | None = None
         self._names: list[str] = []
         self._pile = self._measured(())
@@ -61,7 +64,7 @@ class PhysicalArrangement:
     def session(self) -> Session:
         """The world, built when it is first asked for."""
         if self._session is None:
-            config = ExecutionConfig.of(self._cell.setup)
+            config = ExecutionConfig.of(self._cell.setup, self._engine)
             self._session = Session(self._cell, config, arm=self._robot)
         return self._session
 

@@ -7,10 +7,12 @@ import io
 import os
 import sys
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from packenv.errors import InputError
-from packenv.view.painter import Image
+
+if TYPE_CHECKING:
+    from packenv.view.painter import Image
 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 

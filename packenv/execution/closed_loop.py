@@ -12,6 +12,7 @@ from packenv.config import CLEARANCE
 from packenv.execution.rehearsal import Rehearsal, pack_rehearsed
 from packenv.geometry.heightmaps import orient_item
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.container_map import ContainerMap
@@ -22,6 +23,7 @@ from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, Session
 from packenv.types import Item, Leftover, Placement, Pose
+from packenv.watcher import SILENT, Watcher
 
 _Waiting: TypeAlias = list[tuple[Placement, ContainerMap]]
 """Placements to come, each with the heightmap on which it was planned."""
@@ -66,6 +68,8 @@ def run_closed_loop(
     disturbance: Disturbance | None = None,
     spares: Sequence[Planner] = (),
     lying: Sequence[Lying] = (),
+    until: Deadline = NEVER,
+    watcher: Watcher = SILENT,
 ) -> ClosedLoopResult:
     """Carry out a plan; after every placement measure all poses and see whether the plan still fits.
 
@@ -83,6 +87,8 @@ def run_closed_loop(
         disturbance: makes the tasks differ from what was planned; the session's world is the caller's.
         spares: more planners for the rest.
         lying: the plan's first items, where they were carried out before, as the session has them.
+        until: after it nothing is rehearsed and planned anew: the plan goes on as it is.
+        watcher: is told of progress, and of every plan.
     """
     physics = rehearsal.physics
     container, cell = session.container, planner.grid.cell_size
@@ -96,6 +102,8 @@ def run_closed_loop(
     def planned_anew(waiting: _Waiting) -> _Waiting:
         """What is still to be placed, after a look at the pile: as it was, or as it was planned again."""
         nonlocal leftovers, plans
+        if until.passed:
+            return waiting
         pile = resting()
         surface = measured_map(container, cell, pile)
         if waiting:
@@ -103,6 +111,9 @@ def run_closed_loop(
             if _still_good(following, meshes[following.item], believed, surface, planner.release):
                 return waiting
         names = [p.item for p, _ in waiting] + [left.item for left in leftovers]
+        watcher.remark(
+            f"after {len(done)} items: the rest is rehearsed from where they lie, {len(names)} items"
+        )
         there = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in pile)
         again = pack_rehearsed(
             planner,
@@ -112,6 +123,8 @@ def run_closed_loop(
             running=Packing(container, tuple(p for p, _ in waiting), leftovers, (), 0.0),
             start=(surface, pile),
             spares=spares,
+            until=until,
+            report=watcher.remark,
         )
         plans += again.plans - 1
         leftovers = again.packing.leftovers
@@ -122,7 +135,9 @@ def run_closed_loop(
         waiting = planned_anew(_expected(rest, measured_map(container, cell, resting()), meshes))
     else:
         waiting = _expected(packing, ContainerMap.empty(container, cell), meshes)
+    steps = iter(watcher.progress(range(len(packing.placements) - len(done)), "executing"))
     while waiting and not session.failed:
+        next(steps, None)
         placement, _ = waiting.pop(0)
         task = task_of(placement, physics[placement.item], session.cell)
         session.place(task if disturbance is None else disturbance.task(task, len(done) + 1))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from packenv.config import EngineName
 from packenv.errors import InputError, PlanError
 from packenv.execution.closed_loop import WORLDS, run_closed_loop
 from packenv.execution.planning_job import PlanningJob
@@ -23,7 +24,7 @@ from packenv.items.plan_items import (
     surfaces_of,
 )
 from packenv.items.shelf import ItemShelf
-from packenv.planning.options import PlanOptions
+from packenv.planning.options import PlanOptions, rules
 from packenv.planning.packing import Packing
 from packenv.sim.camera import Recorder
 from packenv.sim.descent import PlacementTask
@@ -31,7 +32,7 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.drop_test import Lying
 from packenv.sim.plan_tasks import task_of
 from packenv.sim.session import Execution, ExecutionConfig, Session, feeling
-from packenv.sim.world import EngineError, World
+from packenv.sim.world import World
 from packenv.types import Frame, Leftover, Plan, Pose
 from packenv.watcher import SILENT, Watcher
 
@@ -115,11 +116,13 @@ def execute(
     feel: bool = False,
     closed_loop: bool = False,
     gentle: bool = False,
+    budget: float | None = None,
     disturb: int | Disturbance | None = None,
     settle: float | None = None,
     full_settle: bool = False,
     placed: Sequence[Pose] | None = None,
     options: PlanOptions | None = None,
+    engine: EngineName = "auto",
     config: ExecutionConfig | None = None,
     record: bool = False,
     gui: bool = False,
@@ -134,6 +137,7 @@ def execute(
         unit: unit of the meshes; None takes the plan's.
         feel: guarded moves: the robot feels contacts and tries beside them; part of ``closed_loop``.
         closed_loop: measure all poses after every placement, and plan the rest again where it would fail.
+        budget: longest time for planning again, in closed loop, s, all in all; then the plan goes on as it is.
         gentle: lower each item until something holds it, instead of letting it drop from 1 cm above its place.
         disturb: seed of a world that is not quite as planned, or how it differs; None: the nominal one.
         settle: longest time for an item to come to rest, s; None takes that of ``config``, 20 s as in the paper.
@@ -141,13 +145,16 @@ def execute(
         placed: measured poses of the first items, where the plan was carried out in part: they lie there, and
             the execution goes on with the next one. None takes those that the plan says lay there.
         options: how to plan again, in closed loop; None takes those of the plan.
-        config: settings of the nominal world, on which the words above build.
+        engine: the physics engine, ``bullet``, ``mujoco`` or ``auto``: PyBullet where it is installed, else MuJoCo; of
+            rehearsals in closed loop, too.
+        config: settings of the nominal world, engine and all, on which the words above build.
         record: keep frames for an animation.
-        gui: open PyBullet's window.
+        gui: open PyBullet's window, which needs the engine ``bullet``.
         watch: called with the world after every step.
         watcher: is told of remarks and of progress.
 
     Raises:
+        PhysicsError: the engine is not installed.
         InputError: the plan places no item or its robot's path is none, a mesh is not the plan's, or the
             window was closed before the end.
     """
@@ -157,6 +164,7 @@ def execute(
     placed = [p.pose for p in plan.placements[: plan.lying]] if placed is None else placed
     if len(placed) > len(plan.placements):
         raise InputError(f"{len(placed)} placed poses, but the plan places {len(plan.placements)} items")
+    rules()["budget"].check("budget", budget)
     made = options_of(plan)
     chosen = options_again(plan, options) if closed_loop else made
     shelf = shelf_of(
@@ -179,7 +187,10 @@ def execute(
             "an ideal hand without size places the items"
         )
     config = _config(
-        config or ExecutionConfig.of(made.setup), settle=settle, full_settle=full_settle, gentle=gentle
+        config or ExecutionConfig.of(made.setup, engine),
+        settle=settle,
+        full_settle=full_settle,
+        gentle=gentle,
     )
     config = feeling(config) if feel or closed_loop else config
     if isinstance(disturb, int) and disturb < 0:
@@ -198,10 +209,16 @@ def execute(
                 look(world)
 
     watching = see if recorder is not None or watch is not None else None
-    with Session(cell, settings, arm=arm, lying=lying, gui=gui, watch=watching) as session:
+    if gui and config.world.engine.name != "bullet":
+        raise InputError(
+            f"gui: is PyBullet's window, and the engine is {config.world.engine.name}; record instead"
+        )
+    coming = [task.item for task in tasks]
+    with Session(cell, settings, arm=arm, lying=lying, coming=coming, gui=gui, watch=watching) as session:
         try:
             if closed_loop:
-                loop = _Loop(plan, shelf, replace(chosen, geometry=made.shape), config, lying)
+                again = replace(chosen, geometry=made.shape, engine=config.world.engine.name, budget=budget)
+                loop = _Loop(plan, shelf, again, config, lying, watcher)
                 executed = loop.run(session, disturbance)
             else:
                 for step, task in enumerate(watcher.progress(tasks, "executing"), start=len(placed) + 1):
@@ -209,7 +226,7 @@ def execute(
                     if session.failed:
                         break
                 executed = ExecutedPlan(plan, session.result(), config)
-        except EngineError:
+        except session.world.engine.failure:
             if session.world.open:
                 raise
             raise InputError("gui: the window was closed before the execution was done") from None
@@ -226,6 +243,7 @@ class _Loop:
     options: PlanOptions
     config: ExecutionConfig
     lying: tuple[Lying, ...]
+    watcher: Watcher
 
     def run(self, session: Session, disturbance: Disturbance | None) -> ExecutedPlan:
         """Carry the plan out."""
@@ -247,6 +265,8 @@ class _Loop:
                 disturbance,
                 job.spares(plan.container),
                 lying=self.lying,
+                until=job.until,
+                watcher=self.watcher,
             )
         whole = replace(plan, placements=result.placements, leftovers=result.leftovers)
         return ExecutedPlan(renumbered(whole), result.execution, self.config, plans=result.plans)

@@ -26,6 +26,7 @@ from packenv.planning.search.container_map import ContainerMap
 from packenv.planning.search.measured import Resting, measured_map
 from packenv.planning.tiers import Tier
 from packenv.sim.drop_test import DropRule, DropTest, Lying, Release
+from packenv.sim.engines import engine_config
 from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, Item, Pose
@@ -35,7 +36,7 @@ SLIPPERY = 0.5
 
 CAREFUL = (
     Release(offset=(0.003, 0.003), yaw=math.radians(1.5), mu=SLIPPERY),
-    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5), time_step=1.0 / 200.0, mu=SLIPPERY),
+    Release(offset=(-0.003, -0.003), yaw=math.radians(-1.5), pace=1.2, mu=SLIPPERY),
     Release(mu=SLIPPERY),
     Release(),
 )
@@ -206,7 +207,9 @@ def make_planner(
     careful_drops, exact = (
         tuple(replace(how, height=release) for how in drops) for drops in (CAREFUL, EXACT)
     )
-    scratch = Scratch(container, world or WorldConfig(mu=options.setup.friction))
+    scratch = Scratch(
+        container, world or WorldConfig(mu=options.setup.friction, engine=engine_config(options.engine))
+    )
     strict = PhysicsConstraint(physics, scratch, items.shapes, STRICT, careful_drops)
     lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, exact)
     inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, exact)

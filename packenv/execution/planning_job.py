@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from packenv.items.shelf import ItemShelf
 from packenv.items.sizes import suspicious_sizes
 from packenv.planning.assembly import assemble, packer
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner, by_box_volume
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from packenv.sim.world import WorldConfig
 
 
+SEARCHED = 0.5
+"""Share of a budget that goes into the search where plans are rehearsed, too."""
+
+
 def require_engine(options: PlanOptions) -> None:
     """Say before long work begins where physics is asked and there is no engine.
 
@@ -31,7 +37,9 @@ def require_engine(options: PlanOptions) -> None:
         PhysicsError: so it is.
     """
     if options.asks_physics:
-        import packenv.sim  # noqa: F401
+        from packenv.sim.engines import engine_config
+
+        engine_config(options.engine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +53,7 @@ class PlanningJob:
         world: physics of drops; the usual one where None.
         watcher: is told of progress.
         workers: processes that search where there is a budget; plans do not depend on it.
+        began: when the budget began to run, s of the monotonic clock.
     """
 
     shelf: ItemShelf
@@ -53,6 +62,13 @@ class PlanningJob:
     world: WorldConfig | None = None
     watcher: Watcher = SILENT
     workers: int = 1
+    began: float = field(default_factory=time.monotonic)
+
+    @property
+    def until(self) -> Deadline:
+        """When a budget of seconds is spent; never without."""
+        budget = self.options.budget
+        return NEVER if budget is None else Deadline(self.began + budget)
 
     def load(self, names: Collection[str]) -> None:
         """Load all that planning will ask for; say what was repaired.
@@ -100,9 +116,14 @@ class PlanningJob:
 
     def packer(self, box: Container, *, give_up: bool = False) -> Packer:
         """What packs orders into a container."""
+        options, planner = self.options, self.planner(box, give_up=give_up)
+        if options.stability == "physics":  # one plan; its restarts end with the budget
+            options, planner = replace(options, budget=None), replace(planner, until=self.until)
+        elif options.rehearse and options.budget is not None:
+            options = replace(options, budget=SEARCHED * options.budget)
         return packer(
-            self.options,
-            self.planner(box, give_up=give_up),
+            options,
+            planner,
             self.shelf.shapes,
             robustness if self.options.goal == "robust" else goal,
             self.watcher.remark,
@@ -169,7 +190,11 @@ class PlanningJob:
         lying = tuple(Lying(physics[r.item.name], Pose(r.rotation, r.position)) for r in resting)
         setup = self.options.setup
         rehearsal = Rehearsal(
-            setup.with_container(box), physics, self.options.rehearse, ExecutionConfig.of(setup), lying
+            setup.with_container(box),
+            physics,
+            self.options.rehearse,
+            ExecutionConfig.of(setup, self.options.engine),
+            lying,
         )
         prepared = self.shelf.prepared
         start = lies if resting else None
@@ -182,6 +207,8 @@ class PlanningJob:
                 first=first,
                 start=start,
                 spares=self.spares(box),
+                until=self.until,
+                report=self.watcher.remark,
             )
 
     def pack_onto(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from packenv.geometry.prepare import PreparedItem
+from packenv.planning.deadline import NEVER, Deadline
 from packenv.planning.options import rules
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
@@ -29,18 +30,19 @@ Start: TypeAlias = tuple[ContainerMap, Sequence[Resting]]
 _Named: TypeAlias = tuple[str, Packing]
 """How a plan was made, and the plan."""
 
+FIRST, RUNNING = "first", "running"
+"""How a plan is called that was given, to begin with or as what is under way."""
+
 SEED = 7_000_000
 """Of the first disturbed world of a rehearsal: a seed that nobody is likely to measure with."""
 SETTLE = 3.0
 """Longest time for coming to rest, s: what moves on does so for long."""
 MAX_WORLDS = int(rules()["rehearse"].most)
 """Most worlds in which a plan is carried out before it is given out."""
-ALTERNATIVES = ("hm", "dblf", "mta")
-"""Heuristics that are tried, after the planner's own, where a plan fails."""
-RESTARTS = 1
-"""Most restarts of each of them."""
-LATER = 2
-"""Most plans with what went wrong at the end of the sequence, where no heuristic's plan survives."""
+ALTERNATIVES = ("minz", "hm", "dblf", "mta")
+"""Heuristics that are tried, after the one that made the first plan, where that fails."""
+MIXED = 2
+"""How many of them are tried before what went wrong is put at the end of the sequence once more."""
 RANKED = 3
 """Most plans that are carried out in all worlds where every plan fails in one."""
 
@@ -118,8 +120,8 @@ class Rehearsed:
         worlds: in how many worlds it was carried out.
         survived: in how many of them it succeeded.
         plans: how many plans were looked at.
-        how: how it was planned: ``first`` or ``running`` as given, or the heuristic; ``spare 1`` before it
-            for the first spare planner, ``late`` behind it with what went wrong at the end of the sequence.
+        how: how it was planned: as given (``FIRST``, ``RUNNING``), or the heuristic; ``spare 1`` before it for the
+            first spare planner, ``late`` behind it with what went wrong at the end of the sequence.
     """
 
     packing: Packing
@@ -131,7 +133,8 @@ class Rehearsed:
     @property
     def chosen(self) -> Packing:
         """The plan, which says how it was made."""
-        return replace(self.packing, made_by=self.how)
+        known = self.how in (FIRST, RUNNING)
+        return self.packing if known else replace(self.packing, made_by=self.how)
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -153,14 +156,16 @@ def pack_rehearsed(
     running: Packing | None = None,
     start: Start | None = None,
     spares: Sequence[Planner] = (),
+    until: Deadline = NEVER,
+    report: Callable[[str], None] = lambda line: None,
 ) -> Rehearsed:
     """Plan an order, carry the plan out in simulation, and plan otherwise until one plan survives.
 
-    First by the spares, then by the planner: by other heuristics, and with what went wrong at the end of the
-    sequence, where little comes after that could meet it. A plan's rehearsal ends with the first world in
-    which it fails, for worlds are expensive. Where no plan survives them all, of those that place the most items
-    the few that got farthest are carried out in all worlds. What succeeds in most is kept, of such what fails
-    latest.
+    First by the spares, then by the planner: with what went wrong at the end of the sequence, where little comes after
+    that could meet it, and by other heuristics. A plan's rehearsal ends with the first world in
+    which it fails, for worlds are expensive, and those in which most plans failed come first. Where no plan survives
+    them all, of those that place the most items the few that got farthest are carried out in all worlds. What
+    succeeds in most is kept, of such what fails latest.
 
     Args:
         planner: plans; its heuristic is tried first.
@@ -173,10 +178,13 @@ def pack_rehearsed(
             no spares, for somebody waits.
         start: what the container holds already; empty where None.
         spares: planners that are cheap to ask.
+        until: no further plan is made, and none rehearsed further, after it; one is rehearsed in one world at least.
+        report: is told of every plan, a line each.
     """
-    search = _Search(list(sequence), items, rehearsal, start)
+    search = _Search(list(sequence), items, rehearsal, start, until, report)
+    planner, spares = replace(planner, until=until), [replace(spare, until=until) for spare in spares]
     for how, packing in search.plans(planner, first, running, spares):
-        if search.take(how, packing):
+        if search.take(how, packing) or until.passed:
             break
     return search.result(running)
 
@@ -210,7 +218,13 @@ class _Search:
     items: Mapping[str, PreparedItem]
     rehearsal: Rehearsal
     start: Start | None
+    until: Deadline
+    report: Callable[[str], None]
     tried: list[_Tried] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # In a disturbed world more fails than in the nominal one.
+        self._worlds = [*range(1, self.rehearsal.worlds), 0]
 
     @property
     def blamed_items(self) -> frozenset[str]:
@@ -226,13 +240,21 @@ class _Search:
         """Rehearse a plan; True where nothing is left to wish for."""
         found = _Tried(how, packing)
         self.tried.append(found)
+        words = f"plan {len(self.tried)} ({how}), {packing.words}"
         if self.most() > len(packing.placements):
-            return False  # what has fewer items than another one cannot win
-        for world in range(self.rehearsal.worlds):
+            self.report(f"{words}: fewer items than another one")  # so it cannot win
+            return False
+        for count, world in enumerate(self._worlds):
+            if count and self.until.passed:
+                self.report(f"{words}: survives {count} of {len(self._worlds)} worlds, and the time is over")
+                return False
             execution = self.carry_out(found, world)
             if not execution.success:
                 found.blamed_items = self.rehearsal.blamed_items(execution)
+                self.report(f"{words}: fails in world {count + 1} of {len(self._worlds)}: {execution.detail}")
+                self._worlds.insert(0, self._worlds.pop(count))
                 return False
+        self.report(f"{words}: survives all {len(self._worlds)} worlds")
         found.nothing_to_improve = not packing.improvable
         return found.nothing_to_improve
 
@@ -244,7 +266,7 @@ class _Search:
         self, planner: Planner, first: Packing | None, running: Packing | None, spares: Sequence[Planner]
     ) -> Iterator[_Named]:
         """Plans in the sequence in which they are worth a rehearsal, which comes between them."""
-        yield ("running", running) if running is not None else self.own(planner, first)
+        yield (RUNNING, running) if running is not None else self.own(planner, first)
         blamed = self.blamed_items
         for number, spare in enumerate(spares, start=1):
             yield f"spare {number} {name_of(spare.heuristic)}", self.pack(spare)
@@ -258,29 +280,26 @@ class _Search:
 
     def own(self, planner: Planner, first: Packing | None) -> _Named:
         """What the planner packs."""
-        return (name_of(planner.heuristic), self.pack(planner)) if first is None else ("first", first)
+        return (name_of(planner.heuristic), self.pack(planner)) if first is None else (FIRST, first)
 
     def variants(self, planner: Planner, blamed: frozenset[str], made_by: str = "") -> Iterator[_Named]:
-        """Plans by other heuristics than made the first, then with what went wrong in that at the end."""
+        """Plans with what went wrong in the first at the end of the sequence, and by other heuristics than made it."""
         asked = made_by if made_by in HEURISTICS else name_of(planner.heuristic)
-        late = blamed
-        # What is hard for one heuristic is so for the others too, and each restart of it costs a whole plan.
-        strategy = planner.strategy
-        strategy = replace(strategy, restarts=min(strategy.restarts, RESTARTS), last_resorts=())
-        brief = replace(planner, strategy=strategy)
-        for name in ALTERNATIVES:
-            if name != asked:
-                yield name, self.pack(replace(brief, heuristic=HEURISTICS[name]))
-        # A restart would bring forward what shall come last.
-        straight = replace(brief, strategy=replace(strategy, restarts=0))
-        known = {tuple(self.sequence)}
-        for _ in range(LATER):
+        # Each restart costs a whole plan, and would bring forward what shall come last.
+        strategy = replace(planner.strategy, restarts=0, last_resorts=())
+        straight = replace(planner, strategy=strategy)
+        first = replace(straight, heuristic=HEURISTICS[made_by]) if made_by in HEURISTICS else straight
+        others = [name for name in ALTERNATIVES if name != asked]
+        late, known = blamed, {tuple(self.sequence)}
+        for group in (others[:MIXED], others[MIXED:]):
             sequence = sorted(self.sequence, key=lambda name: name in late)
-            if tuple(sequence) in known:
-                return
-            known.add(tuple(sequence))
-            yield f"{name_of(planner.heuristic)} late", self.pack(straight, sequence)
-            late |= self.blamed_items
+            if tuple(sequence) not in known:
+                known.add(tuple(sequence))
+                yield f"{asked} late", self.pack(first, sequence)
+                late |= self.blamed_items
+            for name in group:
+                yield name, self.pack(replace(straight, heuristic=HEURISTICS[name]))
+                late |= self.blamed_items
 
     def result(self, running: Packing | None) -> Rehearsed:
         """The best plan."""
@@ -289,8 +308,9 @@ class _Search:
             fullest = [found for found in self.tried if len(found.packing.placements) == self.most()]
             best_so_far = sorted(fullest, key=lambda f: (f.survived, f.released), reverse=True)[:RANKED]
             for found in best_so_far:
-                for world in set(range(self.rehearsal.worlds)) - found.executions.keys():
-                    self.carry_out(found, world)
+                for world in sorted(set(self._worlds) - found.executions.keys()):
+                    if not self.until.passed:
+                        self.carry_out(found, world)
             best = max(best_so_far, key=lambda f: (f.survived, f.released, f.packing is not running))
         return Rehearsed(best.packing, self.rehearsal.worlds, best.survived, len(self.tried), best.how)
 

@@ -18,9 +18,10 @@ from packenv.geometry.distance_grids import SurfaceField
 from packenv.geometry.meshes import mesh_hash
 from packenv.geometry.outside_depth import OutsideDepth
 from packenv.geometry.part_hulls import fewer_vertices, hull_of, surface_points
+from packenv.kernels import compiled
 from packenv.types import FloatArray, IntArray, Item
 
-FORMAT = 2
+FORMAT = 3
 """Raise this when the parts of an item change."""
 
 MAX_VERTICES = 64
@@ -136,15 +137,46 @@ def _measured(
     # Exact distances are expensive, and only those that may be the largest are of use.
     bulge = float(depth.exact(samples[quick >= quick.max() - _DOUBT]).max())
     points = np.concatenate([item.vertices, item.vertices[item.faces].mean(axis=1)])
-    outside = np.full(len(points), np.inf)
-    for hull in hulls:
-        low, high = hull.vertices.min(axis=0), hull.vertices.max(axis=0)
-        box = np.maximum(low - points, points - high).max(axis=1)
-        # The box is a sound lower bound: planes are looked at only where it can still improve the minimum.
-        near = np.flatnonzero(box < outside)
-        away = (points[near] @ hull.planes[:, :3].T + hull.planes[:, 3]).max(axis=1)
-        outside[near] = np.minimum(outside[near], away)
-    return ConvexParts(parts, ball, max(0.0, bulge), max(0.0, float(outside.max())))
+    boxes = np.array([[*h.vertices.min(axis=0), *h.vertices.max(axis=0)] for h in hulls])
+    starts = np.cumsum([0, *(len(h.planes) for h in hulls)])
+    dent = _deepest_outside(points, np.concatenate([h.planes for h in hulls]), starts, boxes)
+    return ConvexParts(parts, ball, max(0.0, bulge), dent)
+
+
+@compiled
+def _deepest_outside(points, planes, starts, boxes):  # type: ignore[no-untyped-def]
+    """The largest distance of a point from all of several hulls, by their planes; 0 where all are inside.
+
+    Args:
+        points: (n, 3), m.
+        planes: (p, 4) of all hulls.
+        starts: (h + 1,) where those of each hull begin.
+        boxes: (h, 6) smallest x, y, z and largest x, y, z of each hull, m.
+    """
+    deepest = 0.0
+    last = 0
+    for k in range(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        nearest = np.inf
+        for turn in range(len(boxes)):
+            # The hull that its neighbour is in comes first. No point that is in one can be the deepest.
+            hull = (last + turn) % len(boxes)
+            away = max(
+                max(boxes[hull, 0] - x, x - boxes[hull, 3]),
+                max(boxes[hull, 1] - y, y - boxes[hull, 4]),
+                max(boxes[hull, 2] - z, z - boxes[hull, 5]),
+            )
+            for p in range(starts[hull], starts[hull + 1]):
+                if away >= nearest:
+                    break
+                away = max(away, planes[p, 0] * x + planes[p, 1] * y + planes[p, 2] * z + planes[p, 3])
+            if away < nearest:
+                nearest = away
+                if nearest <= deepest:
+                    last = hull
+                    break
+        deepest = max(deepest, nearest)
+    return deepest
 
 
 def _around(ball: Ball) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from packenv.geometry.outside_depth import OutsideDepth
-from packenv.geometry.part_hulls import Hull, hull_of, hull_planes, surface_points
+from packenv.geometry.part_hulls import Hull, hull_of, rough_planes, surface_points
 from packenv.kernels import compiled
 from packenv.types import BoolArray, FloatArray, IntArray
 
@@ -170,7 +170,7 @@ def _halves(piece: _Piece, depth: OutsideDepth, axes: FloatArray) -> list[_Piece
     if not len(void) or wire is None:
         return None
     whole = float(weight.sum())
-    cuts = _cuts(wire, void, weight, axes)
+    cuts = _cuts(wire, void, weight, axes, _POOR * whole)
     if not cuts:
         return None
     best = min(cuts, key=lambda c: c.cost)
@@ -199,9 +199,23 @@ def _wire(solid: Any) -> _Wire | None:
 
 
 def _cuts(
-    wire: _Wire, void: FloatArray, weight: FloatArray, axes: FloatArray, fractions: FloatArray = _FRACTIONS
+    wire: _Wire,
+    void: FloatArray,
+    weight: FloatArray,
+    axes: FloatArray,
+    wanted: float,
+    fractions: FloatArray = _FRACTIONS,
 ) -> list[_Cut]:
-    """The best plane of every direction that is worth trying."""
+    """The best plane of every direction that is worth trying.
+
+    Args:
+        wire: of the piece.
+        void: (k, 3) points, m.
+        weight: (k,) of these.
+        axes: (a, 3) unit directions to be tried besides the main axes.
+        wanted: the best plane of all is enough where it costs no more than this; the others may be left out.
+        fractions: (f,) of the piece's extent, where planes are tried.
+    """
     reflex, how_long = _reflex_points(wire.vertices, wire.faces)
     found = []
     for normal in _directions(axes, void, weight, wire.vertices):
@@ -210,16 +224,59 @@ def _cuts(
         offsets = low + fractions * (high - low)
         if fractions is _FRACTIONS:
             offsets = np.concatenate([offsets, _peaks(reflex @ normal, how_long)])
-        tried = [
-            _Cut(_cost(wire, along - offset, void, weight), normal, float(offset))
-            for offset in offsets
-            if low + 1e-4 < offset < high - 1e-4
-        ]
-        # Equal costs are usual where nothing is gained: then the plane next to the middle.
-        middle = (low + high) / 2
-        if tried:
-            found.append(min(tried, key=lambda c: (round(c.cost, 9), abs(c.offset - middle))))
-    return [cut for cut in found if np.isfinite(cut.cost)]
+        offsets = np.unique(offsets[(offsets > low + 1e-4) & (offsets < high - 1e-4)])
+        bound = min((cut.cost for cut in found), default=np.inf)
+        best = _best_offset(wire, along, offsets, void, weight, bound if bound <= wanted else np.inf)
+        if best is not None:
+            found.append(_Cut(best[0], normal, best[1]))
+    return found
+
+
+def _best_offset(
+    wire: _Wire, along: FloatArray, offsets: FloatArray, void: FloatArray, weight: FloatArray, bound: float
+) -> tuple[float, float] | None:
+    """The cheapest of parallel planes, and the nearest to the middle of equally cheap ones.
+
+    As a plane rises, the hull below it grows and the hull above it shrinks. So what a plane costs is at least
+    what the next plane tried below it has below and the next tried above it has above: most are not tried.
+
+    Args:
+        wire: of the piece.
+        along: (n,) places of its vertices along the planes' normal, m.
+        offsets: (o,) places of the planes, ascending, m.
+        void: (k, 3) points, m.
+        weight: (k,) of these.
+        bound: planes that cost more are of no use.
+
+    Returns:
+        Cost and offset, or None where no plane has hulls on both sides within the bound.
+    """
+    middle = (float(along.min()) + float(along.max())) / 2
+    apart = np.abs(offsets - middle)
+    below, above = np.zeros(len(offsets)), np.zeros(len(offsets))
+    left = np.ones(len(offsets), np.bool_)
+    best: tuple[float, float, float] | None = None
+    while left.any():
+        least = np.round(below + above, 9)
+        k = int(np.lexsort((apart, least, ~left))[0])
+        if least[k] > bound or (best is not None and (least[k], apart[k]) >= best[:2]):
+            break
+        left[k] = False
+        height = along - offsets[k]
+        lower = _weight_below(wire, height, void, weight)
+        if lower is None:
+            continue
+        below[k:] = np.maximum(below[k:], lower)
+        if best is not None and round(lower + above[k], 9) > best[0]:
+            continue
+        upper = _weight_below(wire, -height, void, weight)
+        if upper is None:
+            continue
+        above[: k + 1] = np.maximum(above[: k + 1], upper)
+        found = (round(lower + upper, 9), float(apart[k]), float(offsets[k]))
+        if lower + upper <= bound and (best is None or found < best):
+            best = found
+    return None if best is None else (best[0], best[2])
 
 
 def _cost_after_next(coarse: Any, cut: _Cut, void: FloatArray, weight: FloatArray, axes: FloatArray) -> float:
@@ -233,7 +290,7 @@ def _cost_after_next(coarse: Any, cut: _Cut, void: FloatArray, weight: FloatArra
         if held is None or not held.any():
             continue
         own, own_weight = np.ascontiguousarray(void[held]), weight[held]
-        cuts = _cuts(wire, own, own_weight, axes, _FEW)
+        cuts = _cuts(wire, own, own_weight, axes, np.inf, _FEW)
         total += min((c.cost for c in cuts), default=float(own_weight.sum()))
     return total
 
@@ -275,18 +332,19 @@ def _void(hull: Hull, depth: OutsideDepth) -> _Void:
 
 def _cost(wire: _Wire, height: FloatArray, void: FloatArray, weight: FloatArray) -> float:
     """The weight of the void points that are in the hulls of both sides of a plane."""
+    sides = (_weight_below(wire, way * height, void, weight) for way in (1.0, -1.0))
+    return sum(np.inf if side is None else side for side in sides)
+
+
+def _weight_below(wire: _Wire, height: FloatArray, void: FloatArray, weight: FloatArray) -> float | None:
+    """The weight of the void points in the hull of what is below a plane; None where that has no volume."""
     a, b = height[wire.edges[:, 0]], height[wire.edges[:, 1]]
     cut = (a < 0) != (b < 0)
     share = a[cut] / (a[cut] - b[cut])
     start, end = wire.vertices[wire.edges[cut, 0]], wire.vertices[wire.edges[cut, 1]]
     crossing = start + share[:, None] * (end - start)
-    total = 0.0
-    for side in (height < 0, height >= 0):
-        held = _held(np.concatenate([wire.vertices[side], crossing]), void)
-        if held is None:
-            return np.inf
-        total += float(weight[held].sum())
-    return total
+    held = _held(np.concatenate([wire.vertices[height < 0], crossing]), void)
+    return None if held is None else float(weight[held].sum())
 
 
 def _held(points: FloatArray, void: FloatArray) -> BoolArray | None:
@@ -295,7 +353,7 @@ def _held(points: FloatArray, void: FloatArray) -> BoolArray | None:
         return None
     held = np.zeros(len(void), np.bool_)
     try:
-        _inside(void, hull_planes(points), held)
+        _inside(void, rough_planes(points), held)
     except ValueError:
         return None
     return held

@@ -71,7 +71,7 @@ def execution_to_json(
         "shift_m": None if means is None else means[1],
         "simulated_s": execution.simulated_s,
         "items": items,
-        "config": asdict(config),
+        "config": _config_to_json(config),
         "disturbance": None if disturbance is None else _disturbance_to_json(disturbance, config),
     }
 
@@ -112,6 +112,12 @@ def _item_to_json(step: int, outcome: ItemOutcome, instance: int, final: Pose) -
         "measured": _pose_to_json(outcome.measured),
         "final": _pose_to_json(final),
     }
+
+
+def _config_to_json(config: ExecutionConfig) -> dict[str, Any]:
+    document = asdict(config)
+    document["world"]["engine"] = {"name": config.world.engine.name, **document["world"]["engine"]}
+    return document
 
 
 def _disturbance_to_json(disturbance: Disturbance, config: ExecutionConfig) -> dict[str, Any]:

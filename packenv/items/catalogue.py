@@ -13,6 +13,7 @@ from packenv.geometry.meshes import HEAVIEST, UNITS, check_unit, make_item
 from packenv.io.limit_cells import ALIASES, LIMIT_COLUMNS, limits_of
 from packenv.io.tables import Columns, Row, read_table, read_text
 from packenv.items.mesh_cache import kept_mesh
+from packenv.items.recent import Recent
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.shipped import BUILTIN, MEMORY, assets_dir
 from packenv.types import Item, normal_name
@@ -66,7 +67,12 @@ class Catalogue:
     """The items of a folder by name; a mesh is loaded when its item is first asked for."""
 
     def __init__(
-        self, label: str, folder: Path, entries: dict[str, CatalogueEntry], density: float | None = None
+        self,
+        label: str,
+        folder: Path,
+        entries: dict[str, CatalogueEntry],
+        density: float | None = None,
+        item_memory: int | None = None,
     ) -> None:
         """Make a catalogue; users call :func:`open_catalogue`.
 
@@ -75,13 +81,15 @@ class Catalogue:
             folder: where the files are.
             entries: by item name.
             density: of the items whose entry has no mass, kg/m³; None estimates their masses.
+            item_memory: bytes of the meshes that are kept; None keeps all that were loaded.
         """
-        self.density = density
+        self.density, self.item_memory = density, item_memory
         self.label = label
         self.folder = folder
         self.entries = {normal_name(name): entry for name, entry in entries.items()}
         self.shelves: dict[object, object] = {}
         self._items: dict[str, Item] = {}
+        self._recent = None if item_memory is None else Recent(item_memory, _mesh_bytes)
 
     def __getstate__(self) -> dict[str, object]:
         """Copied to another process it keeps its items, and its shelves load anew."""
@@ -101,7 +109,7 @@ class Catalogue:
         limited = {normal_name(name): given for name, given in limits.items() if given != NO_LIMITS}
         if not limited:
             return self
-        made = Catalogue(self.label, self.folder, self.entries, self.density)
+        made = Catalogue(self.label, self.folder, self.entries, self.density, self.item_memory)
         made._items.update({name: item for name, item in self._items.items() if name not in limited})
         for name, given in limited.items():
             item = self.item(name)
@@ -129,29 +137,35 @@ class Catalogue:
         return tuple(self.folder / file for file in named)
 
     def item(self, name: str) -> Item:
-        """Load an item, or hand out the one that was loaded before.
+        """Load an item, or hand out the one that was loaded before and is kept.
 
         Raises:
             CatalogueError: the catalogue has no such item.
             MeshError: its mesh cannot be used.
         """
         name = normal_name(name)
-        if name not in self._items:
-            entry = self._entry(name)
-            mesh = kept_mesh(self.folder / entry.file, entry.unit)
-            mass = entry.mass
-            if mass is None and self.density is not None:
-                mass = self.density * mesh.solid.volume
-            self._items[name] = make_item(
-                name,
-                mesh,
-                file=entry.file,
-                mass=mass,
-                limits=entry.limits,
-                com=entry.com,
-                friction=entry.friction,
-            )
+        if name in self._items:
+            return self._items[name]
+        if self._recent is not None:
+            return self._recent.get(name, lambda: self._loaded(name))
+        self._items[name] = self._loaded(name)
         return self._items[name]
+
+    def _loaded(self, name: str) -> Item:
+        entry = self._entry(name)
+        mesh = kept_mesh(self.folder / entry.file, entry.unit)
+        mass = entry.mass
+        if mass is None and self.density is not None:
+            mass = self.density * mesh.solid.volume
+        return make_item(
+            name,
+            mesh,
+            file=entry.file,
+            mass=mass,
+            limits=entry.limits,
+            com=entry.com,
+            friction=entry.friction,
+        )
 
     def parts_file(self, name: str) -> Path | None:
         """File of the convex parts that an item is made of: the table's, else one beside the mesh, else None.
@@ -179,8 +193,16 @@ class Catalogue:
         return self.entries[normal_name(name)]
 
 
+def _mesh_bytes(item: Item) -> int:
+    return item.vertices.nbytes + item.faces.nbytes
+
+
 def open_catalogue(
-    folder: Path | str | None, *, unit: str | None = None, density: float | None = None
+    folder: Path | str | None,
+    *,
+    unit: str | None = None,
+    density: float | None = None,
+    item_memory: int | None = None,
 ) -> Catalogue:
     """Open a catalogue: its table is read and checked now, its meshes later.
 
@@ -194,6 +216,7 @@ def open_catalogue(
         folder: the folder; None or ``builtin`` is the catalogue that RobotPack brings along.
         unit: unit of every mesh whose row names none: ``m``, ``cm``, ``mm`` or ``in``.
         density: of the items without a mass, kg/m³; None estimates their masses.
+        item_memory: bytes of the meshes that are kept, the others being read again; None keeps all.
 
     Returns:
         The catalogue.
@@ -225,7 +248,7 @@ def open_catalogue(
         entries = _table_entries(table, unit) if table.exists() else _bare_entries(path, unit)
     except OSError as problem:
         raise CatalogueError(f"{label}: cannot be read ({problem.strerror})") from None
-    return Catalogue(label, path, entries, density)
+    return Catalogue(label, path, entries, density, item_memory)
 
 
 def _table_entries(table: Path, unit: str | None) -> dict[str, CatalogueEntry]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -15,6 +14,7 @@ from packenv.geometry.prepare import PreparedItem, prepare_item
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import Catalogue
 from packenv.items.parts_files import exact_parts
+from packenv.items.recent import Recent
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.planning.options import Geometry
 from packenv.types import Item
@@ -51,35 +51,6 @@ class _Lazy(Mapping[str, T], Generic[T]):
 
     def __len__(self) -> int:
         return len(list(self._shelf._names()))
-
-
-class _Recent(Generic[T]):
-    """Values that were used last, up to a number of bytes; at least one is kept."""
-
-    def __init__(self, budget: int, size: Callable[[T], int]) -> None:
-        self._budget, self._size = budget, size
-        self._kept: OrderedDict[str, tuple[T, int]] = OrderedDict()
-        self._bytes = 0
-
-    def get(self, name: str, make: Callable[[], T]) -> T:
-        """The value of a name, made where it is not kept."""
-        if name in self._kept:
-            self._kept.move_to_end(name)
-            return self._kept[name][0]
-        value = make()
-        self._kept[name] = value, self._size(value)
-        self._bytes += self._kept[name][1]
-        while len(self._kept) > 1 and self._bytes > self._budget:
-            self._bytes -= self._kept.popitem(last=False)[1][1]
-        return value
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._kept
-
-    def drop(self, name: str) -> None:
-        """Forget a name."""
-        if name in self._kept:
-            self._bytes -= self._kept.pop(name)[1]
 
 
 ONE_USER = 2**29
@@ -144,8 +115,8 @@ class ItemShelf:
         self._kept_parts: dict[str, ConvexParts] = {}
         self._kept_shapes: dict[str, Item] = {}
         self._kept_physics: dict[str, PhysicsItem] = {}
-        self._kept_maps = _Recent(map_memory, _map_bytes)
-        self._kept_fields = _Recent(field_memory, _field_bytes)
+        self._kept_maps = Recent(map_memory, _map_bytes)
+        self._kept_fields = Recent(field_memory, _field_bytes)
 
         self.items: Mapping[str, Item] = _Lazy(self, "items", self._item)
         self.masses: Mapping[str, float] = _Lazy(self, "masses", lambda name: self._item(name).mass)

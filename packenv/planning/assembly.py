@@ -281,8 +281,8 @@ def packer(
 ) -> Packer:
     """What packs orders as the options ask: the planner made of them, one for each rule of ``auto``, or layouts.
 
-    Where physics is asked a plan takes many seconds, and rehearsals try other rules by themselves: there the
-    planner does alone. With a budget it is the search that begins with their plan.
+    Where a drop in physics is asked of every placement a plan takes many seconds: there the planner does alone.
+    With a budget it is the search that begins with their plan.
 
     Args:
         options: how to plan.
@@ -293,7 +293,7 @@ def packer(
         workers: processes that search; the plan does not depend on it.
     """
     members = [planner]
-    if options.heuristic == AUTO and not options.asks_physics:
+    if options.heuristic == AUTO and options.stability != "physics":
         members = [replace(planner, heuristic=heuristic_named(name, options.tie_break)) for name in MEMBERS]
     alone = planner if members == [planner] else Portfolio(members, better)
     budget = Budget(options.budget, options.plans)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from packenv.config import GridConfig
+from packenv.config import EngineName, GridConfig
 from packenv.errors import InputError, check_known, closest_match, is_number
 from packenv.extensions import extension_name, is_extension
 
@@ -154,6 +154,7 @@ class PlanOptions:
             order is planned with it first and, where it does not fit so, as without it. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
             (:mod:`packenv.execution.rehearsal`).
+        engine: of drops and rehearsals: PyBullet, MuJoCo, or ``auto``: PyBullet where it is installed, else MuJoCo.
         geometry: ``mesh``, or ``parts``: meshes together with the convex parts that stand for them in physics;
             None takes ``parts`` where physics is asked, else ``mesh``; either is None where it is that, too,
             see :attr:`shape`.
@@ -271,6 +272,11 @@ class PlanOptions:
         whole=True,
         most=100,
     )
+    engine: EngineName = _words(
+        EngineName,
+        "auto",
+        "the physics engine of drops and rehearsals: PyBullet, MuJoCo, or PyBullet where it is installed, else MuJoCo",
+    )
     geometry: Geometry | None = _words(
         Geometry,
         None,
@@ -318,8 +324,8 @@ class PlanOptions:
                 "stability physics: needs force balance, which constraints overlap leaves out; "
                 "give constraints stability or robot"
             )
-        if self.stability == "physics" and (self.budget is not None or self.plans is not None):
-            raise InputError("budget and plans: a plan under stability physics takes minutes; leave them out")
+        if self.stability == "physics" and self.plans is not None:
+            raise InputError("plans: stability physics makes one plan; give budget, or leave it out")
         if self.goal == "robust" and self.constraints == "overlap":
             raise InputError(
                 "goal robust: a margin is one of force balance, which constraints overlap leaves out; "

@@ -240,6 +240,12 @@ def _bends_within(arm, q):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _copy_angles(source, target):  # type: ignore[no-untyped-def]
+    for j in range(6):
+        target[j] = source[j]
+
+
+@compiled
 def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
     """Continue every branch of the first pose along a path.
 
@@ -266,7 +272,7 @@ def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
         if np.isnan(every[0, start, 0]):
             continue
         line = q[start]
-        line[0] = every[0, start]
+        _copy_angles(every[0, start], line[0])
         if abs(line[0, 4]) < WRIST_TOLERANCE:
             # The first pose leaves q4 free: take what the first pose outside the singularity asks for.
             for k in range(1, m):
@@ -283,13 +289,13 @@ def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
             before = line[k - 1]
             nearest = np.inf
             if not np.isnan(every[k, slot, 0]):
-                trial[:] = every[k, slot]
+                _copy_angles(every[k, slot], trial)
                 nearest = _step(before, trial, max_step)
             if nearest == np.inf:
                 for other in range(8):
                     if np.isnan(every[k, other, 0]):
                         continue
-                    trial[:] = every[k, other]
+                    _copy_angles(every[k, other], trial)
                     step = _step(before, trial, max_step)
                     if step < nearest:
                         nearest = step
@@ -297,7 +303,7 @@ def follow(arm, path, max_step, q, state):  # type: ignore[no-untyped-def]
                 if nearest == np.inf:
                     state[start] = 1
                     break
-                trial[:] = every[k, slot]
+                _copy_angles(every[k, slot], trial)
                 _step(before, trial, max_step)
             for j in range(6):
                 line[k, j] = before[j] + wrapped(trial[j] - before[j])

@@ -6,12 +6,10 @@ Poses are only read, never set, so a recorded run is bit for bit the run without
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from packenv.sim.world import World
 from packenv.types import Frame
 
-_JOINTS = 6
 _STILL_JOINT = 1e-3
 _STILL_ITEM = 2e-4
 
@@ -54,22 +52,8 @@ class Recorder:
 
 
 def _seen(world: World) -> Frame:
-    poses = tuple(world.pose(body) for body in world.items)
-    robot = next((b for b in _bodies(world) if _joint_count(world, b) >= _JOINTS), None)
-    joints = None
-    if robot is not None:
-        states = pybullet.getJointStates(robot, list(range(_JOINTS)), physicsClientId=world.client)
-        joints = np.array([state[0] for state in states])
-    return Frame(world.time, joints, poses)
-
-
-def _bodies(world: World) -> list[int]:
-    count = pybullet.getNumBodies(physicsClientId=world.client)
-    return [pybullet.getBodyUniqueId(k, physicsClientId=world.client) for k in range(count)]
-
-
-def _joint_count(world: World, body: int) -> int:
-    return int(pybullet.getNumJoints(body, physicsClientId=world.client))
+    joints = None if world.joints is None else world.joints.copy()
+    return Frame(world.time, joints, tuple(world.pose(body) for body in world.items))
 
 
 def _moved(before: Frame, after: Frame) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 
 from packenv.robot.cell import Cell
 from packenv.robot.motion import follow, refine
+from packenv.sim.engine import Touch
 from packenv.sim.physics_items import PhysicsItem
-from packenv.sim.world import Touch
 from packenv.types import FloatArray, Pose
 
 _RADII = (0.002, 0.004, 0.006)
@@ -110,10 +110,6 @@ class Way:
     def held(self, k: int) -> Pose:
         """(3, 3) and (3,) pose of the held item's mesh frame in the container frame."""
         return Pose(self.poses[k, :3, :3], self.poses[k, :3, 3])
-
-    def back(self, k: int) -> FloatArray:
-        """(k + 1, 6) joints from index ``k`` back to the start; none for an ideal hand."""
-        return np.empty((0, 6)) if self.joints is None else self.joints[k::-1]
 
     def above(self, k: int, lift: float) -> int:
         """The last index at which the item is at least ``lift`` m higher than at ``k``; 0 where none is."""

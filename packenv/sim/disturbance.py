@@ -28,7 +28,7 @@ class Disturbance:
         mass: largest relative error of a mass, even.
         offset: standard deviation of where an item hangs in the cup, along x and along y, m.
         yaw: standard deviation of how it is turned there, rad.
-        time_step: of the disturbed world, s.
+        pace: time step of the disturbed world over that of the nominal one.
     """
 
     seed: int
@@ -36,12 +36,13 @@ class Disturbance:
     mass: float = 0.1
     offset: float = 0.002
     yaw: float = math.radians(1.0)
-    time_step: float = 1.0 / 300.0
+    pace: float = 0.8
 
     def config(self, config: ExecutionConfig) -> ExecutionConfig:
         """The settings of the disturbed world."""
         mu = self._drawn() * (config.world.mu / FRICTION)
-        return replace(config, world=replace(config.world, mu=mu, time_step=self.time_step))
+        engine = replace(config.world.engine, time_step=config.world.time_step * self.pace)
+        return replace(config, world=replace(config.world, mu=mu, engine=engine))
 
     def task(self, task: PlacementTask, step: int) -> PlacementTask:
         """The task of a step (from 1) with another mass and another hold of the item."""

@@ -51,14 +51,14 @@ class Release:
         height: above its planned place, m.
         offset: (x, y) from its planned place, m.
         yaw: about the vertical through its centre of mass, rad.
-        time_step: of the drop, s; None takes the world's.
+        pace: time step of the drop over that of the world.
         mu: most friction of the drop; None takes the world's.
     """
 
     height: float = RELEASE_HEIGHT
     offset: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
-    time_step: float | None = None
+    pace: float = 1.0
     mu: float | None = None
 
 
@@ -134,7 +134,7 @@ class DropTest:
         release = com + np.array([*how.offset, how.height])
         start = Pose(turn @ rotation, release - turn @ rotation @ item.com)
         world.sleep()
-        world.pace(how.time_step)
+        world.pace(how.pace)
         world.rub(None if how.mu is None else min(how.mu, world.config.mu))
         body = world.add(item, *start)
         reason, seconds = self._watch(pile, item, body, start, float(com[2]), rule)

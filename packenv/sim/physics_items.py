@@ -9,6 +9,9 @@ import numpy as np
 from packenv.geometry.convex_parts import ConvexParts
 from packenv.types import Container, FloatArray, Item, Pose
 
+_TURNED = 1e-6
+"""Rotation matrices that differ by less are one, where boxes are asked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class PhysicsItem:
@@ -99,6 +102,21 @@ class PhysicsItem:
             return centre - self.radius, centre + self.radius
         points = np.concatenate(self.parts) @ turned.T + at
         return points.min(axis=0), points.max(axis=0)
+
+    def boxes(self, poses: FloatArray) -> FloatArray:
+        """(n, 2, 3) smallest and largest coordinates at (n, 4, 4) poses of the mesh frame, m."""
+        turns = poses[:, :3, :3]
+        com = turns @ self.com + poses[:, :3, 3]
+        if self.radius > 0.0:
+            centre = com + turns @ (self.axes @ self.ball_centre)
+            return np.stack([centre - self.radius, centre + self.radius], axis=1)
+        # A straight way down keeps the orientation, up to rounding.
+        if len(poses) and np.abs(turns - turns[0]).max() < _TURNED:
+            points = np.concatenate(self.parts) @ (turns[0] @ self.axes).T
+            low, high = com + points.min(axis=0), com + points.max(axis=0)
+            return np.stack([low, high], axis=1) + _TURNED * self.reach * np.array([[[-3.0], [3.0]]])
+        bounds = [self.bounds(pose[:3, :3], pose[:3, 3]) for pose in poses]
+        return np.array(bounds).reshape(-1, 2, 3)
 
     def beyond(self, container: Container, rotation: FloatArray, position: FloatArray) -> float:
         """How far the item sticks out of a container at a pose of the mesh frame, m; negative inside."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 from packenv.robot.cell import Cell
 from packenv.sim.descent import PlacementTask, Profile, Way, ways_out
+from packenv.sim.engine import Touch
 from packenv.sim.rest import RestRule, RestWatch, Settled
-from packenv.sim.robot_model import RobotModel
-from packenv.sim.world import Touch, World
+from packenv.sim.robot_model import RobotModel, RobotWay
+from packenv.sim.world import World
 from packenv.types import FloatArray, Pose
 
 _SUPPORT = 0.3
@@ -86,35 +87,51 @@ def place(
         watch: called after every step, for cameras.
     """
     guard = _Guard(motion.tolerance)
-    way = Way.of_task(task, cell, motion.profile, world.config.time_step)
+    way = Way.of_task(task, cell, motion.profile, world.time_step * world.stride)
     body = world.add(task.item, *way.held(0))
     world.ghost(body)
     lower = _Lowering(world, robot, cell, body, task, motion, guard, watch)
-    last, felt = lower.along(way, 0)
+    course = lower.course(way)
+    last, felt = lower.along(course, 0)
     tries = motion.retries
     while felt is not None and guard.collided is None:
-        met, start = last, way.above(last, _BACK_UP)
-        beside = lower.beside(way, met, felt)
+        met, start = last, course.way.above(last, _BACK_UP)
+        beside = lower.beside(course.way, met, felt)
         for other in itertools.islice(beside, tries):
             tries -= 1
             lower.pause(met - start)
             if not lower.fits(other, start):
                 continue
             last, felt = lower.along(other, start)
-            if felt is None or guard.collided is not None or other.deeper(last, met) > _PAST:
-                way = other
+            if felt is None or guard.collided is not None or other.way.deeper(last, met) > _PAST:
+                course = other
                 break
         else:
             # Nowhere to go: whoever does not let go up here pushes on, and that is a collision.
-            last, felt = lower.along(way, met, blind=True)
-    released = way.held(last)
+            last, felt = lower.along(course, met, blind=True)
+    released = course.way.held(last)
     world.move(body, *released)
     world.solid(body)
     world.wake()
     if guard.collided is not None:
         return Placed(body, guard.deepest, guard.collided, released, Settled(0.0, False))
-    settled = _let_go(world, robot, body, way.back(last), motion, guard, watch)
+    settled = _let_go(world, robot, body, course.robot, last, motion, guard, watch)
     return Placed(body, guard.deepest, guard.collided, released, settled)
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A way, and what is watched along it.
+
+    Attributes:
+        way: of the held item.
+        boxes: (n, 2, 3) around the held item, m.
+        robot: of the robot; None for an ideal hand.
+    """
+
+    way: Way
+    boxes: FloatArray
+    robot: RobotWay | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +147,32 @@ class _Lowering:
     guard: _Guard
     watch: Callable[[], None] | None
 
-    def along(self, way: Way, begin: int, *, blind: bool = False) -> tuple[int, Touch | None]:
+    def course(self, way: Way) -> _Course:
+        """What to watch along a way."""
+        along = None if self.robot is None or way.joints is None else self.robot.way(way.joints)
+        return _Course(way, self.task.item.boxes(way.poses), along)
+
+    def along(self, course: _Course, begin: int, *, blind: bool = False) -> tuple[int, Touch | None]:
         """Move along a way until its end, support, a collision, or a contact that the robot feels.
 
         Returns:
             the last index of the way that was reached, and the contact that was felt before the release.
         """
-        last = begin
+        way, last = course.way, begin
+        # Nothing else moves meanwhile, so where to look is known beforehand.
+        near = self.world.near(course.boxes, (self.body,))
+        if course.robot is not None and self.robot is not None:
+            near |= self.robot.near(course.robot, self.body)
         for k in range(begin + 1, len(way)):
-            touches = self._item_at(way, k)
+            if not near[k] and self.watch is None:
+                last = k
+                self.pause(1)
+                continue
+            touches = self._item_at(course, k)
             if k > way.release and self.guard.supported(touches):
                 break
             last = k
-            touches += self._robot_at(way, k)
+            touches += self._robot_at(course, k)
             self.pause(1)
             if self.guard.look(touches):
                 break
@@ -152,21 +182,21 @@ class _Lowering:
                     return k, felt
         return last, None
 
-    def fits(self, way: Way, k: int) -> bool:
+    def fits(self, course: _Course, k: int) -> bool:
         """Whether a robot that goes aside to index ``k`` of a way feels nothing there; else it turns back."""
-        return self._felt(self._item_at(way, k) + self._robot_at(way, k)) is None
+        return self._felt(self._item_at(course, k) + self._robot_at(course, k)) is None
 
-    def _item_at(self, way: Way, k: int) -> list[Touch]:
+    def _item_at(self, course: _Course, k: int) -> list[Touch]:
         """Move the held item, and see what it is in."""
-        self.world.move(self.body, *way.held(k))
-        return self.world.overlaps(self.body, *self.task.item.bounds(*way.held(k)))
+        self.world.move(self.body, *course.way.held(k))
+        return self.world.overlaps(self.body, course.boxes[k])
 
-    def _robot_at(self, way: Way, k: int) -> list[Touch]:
+    def _robot_at(self, course: _Course, k: int) -> list[Touch]:
         """Move the robot, and see what it is in."""
-        if self.robot is None or way.joints is None:
+        if self.robot is None or course.robot is None:
             return []
-        self.robot.move(way.joints[k])
-        return self.robot.overlaps(self.body)
+        self.robot.move(course.robot.joints[k])
+        return self.robot.overlaps(course.robot, k, self.body)
 
     def _felt(self, touches: list[Touch]) -> Touch | None:
         """The deepest contact, where the robot feels it."""
@@ -174,16 +204,16 @@ class _Lowering:
         feel = self.motion.feel
         return deepest if feel is not None and deepest is not None and deepest.depth > feel else None
 
-    def beside(self, way: Way, k: int, felt: Touch) -> Iterator[Way]:
+    def beside(self, way: Way, k: int, felt: Touch) -> Iterator[_Course]:
         """Ways beside one that met something at index ``k``, the likeliest first."""
         for aside in ways_out(felt, self.task.item.com_at(way.held(k))):
             other = way.moved(aside, self.cell)
             if other is not None:
-                yield other
+                yield self.course(other)
 
-    def pause(self, steps: int) -> None:
+    def pause(self, looks: int) -> None:
         """Let time pass in which nothing moves by itself."""
-        for _ in range(steps):
+        for _ in range(looks * self.world.stride):
             self.world.pause()
             if self.watch is not None:
                 self.watch()
@@ -193,28 +223,30 @@ def _let_go(
     world: World,
     robot: RobotModel | None,
     body: int,
-    back: FloatArray,
+    way: RobotWay | None,
+    last: int,
     motion: MotionConfig,
     guard: _Guard,
     watch: Callable[[], None] | None,
 ) -> Settled:
-    """The item falls while the robot goes back; then wait for rest."""
+    """The item falls while the robot goes back up its way from index ``last``; then wait for rest."""
     rest = RestWatch(world, motion.rest or RestRule())
     at_rest = None
     start = world.time
-    steps = round(motion.settle / world.config.time_step)
-    for k in range(max(steps, len(back))):
-        if robot is not None and k < len(back):
-            robot.move(back[k])
+    back = (last + 1) * world.stride if robot is not None and way is not None else 0
+    steps = round(motion.settle / world.time_step)
+    for k in range(max(steps, back)):
         world.step()
         if watch is not None:
             watch()
-        if robot is not None and k < len(back) and guard.look(robot.overlaps(body)):
-            return Settled(world.time - start, False)
+        if robot is not None and way is not None and k < back and k % world.stride == 0:
+            robot.move(way.joints[last - k // world.stride])
+            if guard.look(robot.overlaps(way, last - k // world.stride, body)):
+                return Settled(world.time - start, False)
         if at_rest is None and rest.calm() and motion.rest is not None:
             at_rest = world.time - start
             world.sleep()
-        if at_rest is not None and k >= len(back):
+        if at_rest is not None and k >= back:
             return Settled(at_rest, True)
     if at_rest is not None:
         return Settled(at_rest, True)

@@ -56,7 +56,8 @@ def run_tasks(
     """
     settings = config if disturbance is None else disturbance.config(config)
     arm = any(task.joints is not None for task in tasks)
-    with Session(cell, settings, arm=arm, lying=lying) as session:
+    coming = [task.item for task in tasks]
+    with Session(cell, settings, arm=arm, lying=lying, coming=coming) as session:
         for step, task in enumerate(tasks, start=len(lying) + 1):
             session.place(task if disturbance is None else disturbance.task(task, step))
             if session.failed:

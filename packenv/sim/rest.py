@@ -75,7 +75,7 @@ def settle(world: World, longest: float, rule: RestRule | None) -> Settled:
     """Step until the world is at rest, or for ``longest`` seconds; always so long without a rule."""
     start = world.time
     watch = RestWatch(world, rule or RestRule())
-    while world.time - start < longest - 0.5 * world.config.time_step:
+    while world.time - start < longest - 0.5 * world.time_step:
         world.step()
         if watch.calm() and rule is not None:
             return Settled(world.time - start, True)

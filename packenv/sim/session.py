@@ -12,6 +12,8 @@ from packenv.robot.cell import Cell, CellSetup
 from packenv.sim.closing import Closing
 from packenv.sim.descent import PlacementTask
 from packenv.sim.drop_test import Lying
+from packenv.sim.engines import engine_config
+from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.placing import MotionConfig, Placed, place
 from packenv.sim.robot_model import RobotModel
 from packenv.sim.verdicts import DISPLACED, Cause, collision, sticking_out
@@ -39,9 +41,13 @@ class ExecutionConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
 
     @classmethod
-    def of(cls, setup: CellSetup) -> ExecutionConfig:
-        """The usual settings, with a cell's friction."""
-        return cls(world=WorldConfig(mu=setup.friction))
+    def of(cls, setup: CellSetup, engine: str = "auto") -> ExecutionConfig:
+        """The usual settings of an engine, by name, with a cell's friction.
+
+        Raises:
+            PhysicsError: the engine is not installed.
+        """
+        return cls(world=WorldConfig(mu=setup.friction, engine=engine_config(engine)))
 
 
 def feeling(config: ExecutionConfig) -> ExecutionConfig:
@@ -116,6 +122,7 @@ class Session(Closing):
         *,
         arm: bool = True,
         lying: Sequence[Lying] = (),
+        coming: Sequence[PhysicsItem] = (),
         gui: bool = False,
         watch: Callable[[World], None] | None = None,
     ) -> None:
@@ -126,11 +133,13 @@ class Session(Closing):
             config: settings.
             arm: have the robot in the world; not needed where no task has joints.
             lying: what the container holds already, at rest; it counts as planned where it lies.
-            gui: open PyBullet's window.
+            coming: items that will be placed: some engines make room for all at once.
+            gui: open the engine's window.
             watch: called after every step, for cameras.
         """
         self.cell, self.config = cell, config
-        self.world = World(cell.container, config.world, gui=gui)
+        coming = (*(thing.item for thing in lying), *coming)
+        self.world = World(cell.container, config.world, coming=coming, gui=gui)
         self._robot = RobotModel(self.world, cell) if arm else None
         self._watch = None if watch is None else lambda: watch(self.world)
         self._outcomes: list[ItemOutcome] = []

@@ -9,7 +9,10 @@ import pytest
 from benchmarks import execution
 from benchmarks.execution import Clock
 from packenv.execution.physics_planner import CAREFUL
+from packenv.sim.session import ExecutionConfig
 from tests.sim.bodies import BOX, brick, by_robot
+
+CONFIG = ExecutionConfig()
 
 
 class Hands:
@@ -63,7 +66,7 @@ def test_real_executions_are_split_into_parts() -> None:
     size = (0.10, 0.08, 0.05)
     plan = [by_robot(brick(), size, (0.1, 0.1, 0.0)), by_robot(brick(), size, (0.12, 0.1, 0.05))]
     collides = [plan[0], by_robot(brick(), size, (0.12, 0.1, 0.0)), plan[1]]
-    found = execution.executions([plan, collides], BOX, 2)
+    found = execution.executions([plan, collides], BOX, 2, CONFIG)
     assert found["n"] == 1
     assert sum(found["time_shares"].values()) == pytest.approx(1.0)
     assert {part for _, _, part in execution.PARTS} | {"other"} == set(found["time_shares"])
@@ -76,7 +79,7 @@ def test_real_executions_are_split_into_parts() -> None:
 def test_real_drops_are_timed_as_far_as_items_stay() -> None:
     size = (0.10, 0.08, 0.05)
     plan = [by_robot(brick(), size, (0.1, 0.1, 0.0)), by_robot(brick(), size, (0.18, 0.1, 0.05))]
-    found = execution.drop_tests([[*plan, plan[0]]], BOX)
+    found = execution.drop_tests([[*plan, plan[0]]], BOX, CONFIG)
     # So many drops an item; the second one tips over, so the third has no pile to fall on.
     assert found["n"] == 2 * len(CAREFUL)
     assert 0.0 < found["median"] <= found["max"]

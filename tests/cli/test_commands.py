@@ -513,8 +513,6 @@ def test_no_output_replaces_what_is_read(
 def test_what_a_plan_reads_is_not_replaced_either(
     command: str, order: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if command == "execute":
-        pytest.importorskip("pybullet")
     mesh, plan = tmp_path / "brick.glb", tmp_path / "p.json"
     trimesh.creation.box((0.10, 0.08, 0.05)).export(mesh)
     order.write_text("item\nbrick\n")

@@ -18,7 +18,7 @@ from packenv.cli import main
 from packenv.sim.descent import PlacementTask
 from packenv.sim.session import ItemOutcome, Session
 from tests.cli.refusals import refused
-from tests.conftest import REPO
+from tests.conftest import BULLET, REPO, needs_bullet
 from tests.mesh_samples import write_three
 
 SIZE = "0.2x0.2x0.12"
@@ -278,6 +278,7 @@ def test_a_seed_needs_a_disturbance(folder: Path, capsys: pytest.CaptureFixture[
     refused(capsys, execute(folder / "robot.json", "--seed", "3"), "--seed 3", "--disturb")
 
 
+@needs_bullet
 def test_a_window_that_is_closed_ends_the_execution(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -291,7 +292,7 @@ def test_a_window_that_is_closed_ends_the_execution(
 
     monkeypatch.setattr(Session, "place", closing)
     capsys.readouterr()
-    code = execute(folder / "overlap.json")
+    code = execute(folder / "overlap.json", "--engine", "bullet")
     assert code == 2
     assert "the window was closed" in capsys.readouterr().err
 
@@ -314,7 +315,11 @@ def test_a_window_needs_a_display(
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     capsys.readouterr()
-    refused(capsys, execute(folder / "robot.json", "--gui"), "--gui", "no display")
+    refused(
+        capsys, execute(folder / "robot.json", "--gui", "--engine", "mujoco"), "--gui", "PyBullet's window"
+    )
+    if BULLET:
+        refused(capsys, execute(folder / "robot.json", "--gui"), "--gui", "no display")
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "601", "nan", "soon"])

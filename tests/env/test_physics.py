@@ -12,6 +12,8 @@ from packenv.env.pack_env import PackEnv
 from packenv.planning.search.measured import Resting, measured_map
 from tests.env_samples import best_action, make_env
 
+pytestmark = pytest.mark.usefixtures("auto")
+
 
 def play(env: PackEnv, steps: int) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     obs, info = env.reset(seed=0)

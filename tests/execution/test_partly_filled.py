@@ -103,7 +103,6 @@ def test_what_lies_there_counts_for_what_the_box_may_hold() -> None:
 
 
 def test_a_rehearsed_plan_starts_from_what_lies_there() -> None:
-    pytest.importorskip("pybullet")
     first = planned("b03", constraints="robot", geometry="parts")
     made = planned("b01", start=first, constraints="robot", rehearse=1, heuristic="minz")
     assert made.lying == 1

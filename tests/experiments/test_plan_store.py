@@ -77,10 +77,15 @@ def row(column: str, index: int, *, planned: bool = True, success: bool = True) 
 
 def test_columns_are_compared_on_the_orders_that_all_of_them_planned() -> None:
     rows = [row("paper", 0), row("paper", 1, success=False), row("paper", 2), row("paper", 3, planned=False)]
-    rows += [row("physics", 0), row("physics", 1), row("physics", 2, planned=False), row("physics", 3)]
+    rows += [
+        row("rehearsed", 0),
+        row("rehearsed", 1),
+        row("rehearsed", 2, planned=False),
+        row("rehearsed", 3),
+    ]
     columns = execution.summarize(rows)
-    assert {name: c["n"] for name, c in columns.items()} == {"paper": 2, "physics": 2}
-    assert (columns["paper"]["success"], columns["physics"]["success"]) == (0.5, 1.0)
+    assert {name: c["n"] for name, c in columns.items()} == {"paper": 2, "rehearsed": 2}
+    assert (columns["paper"]["success"], columns["rehearsed"]["success"]) == (0.5, 1.0)
     assert columns["paper"]["causes"] == {"collision": 1}
     assert columns["paper"]["planned"] == 0.75
     assert columns["paper"]["drop_cm"] == pytest.approx(2.0)
@@ -110,7 +115,7 @@ def test_what_collided_counts_in_no_mean() -> None:
 
 
 def test_jobs_take_every_order_in_every_column_and_no_plan_twice_at_once(store: PlanStore) -> None:
-    columns = [execution.COLUMNS[name] for name in ("physics", "guarded", "closed-loop")]
+    columns = [execution.COLUMNS[name] for name in ("default", "rehearsed", "closed-loop")]
     orders = [ORDER] * 20
     jobs = list(execution.in_turn(columns, orders, store.shelf.shapes))
     assert {(job.column.name, job.index) for job in jobs} == {(c.name, k) for c in columns for k in range(20)}

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from experiments import early_rest
+from experiments import both_engines, early_rest
 from packenv import api
 from packenv.items.catalogue import Catalogue
 from packenv.items.shelf import ItemShelf
@@ -72,31 +72,23 @@ def test_without_a_complete_plan_there_is_nothing_to_tell() -> None:
     assert early_rest.summarize([{"index": 0}]) == {"n": 0}
 
 
-def test_the_second_engine_is_asked_about_the_first_one_s_successes_alone() -> None:
-    pytest.importorskip(
-        "mujoco", reason="the second engine is not installed (pip install 'robotpack[second-engine]')"
-    )
-    from experiments import second_engine
-
-    good = done(None)
+def test_two_engines_are_compared_on_the_same_plans() -> None:
+    good, bad = done(None), done("collision", 2.0)
     rows = [
-        {"index": 0, "first": good, "second": done(None, 2.0), "apart_m": [0.001, 0.0]},
-        {"index": 1, "first": good, "second": done("collision", 2.0), "apart_m": [0.5]},
-        {"index": 2, "first": done("collision")},
-        {"index": 3},
-        {"index": 4, "first": good, "second": replaced(done(None, 2.0), at_rest=False), "apart_m": [0.002]},
+        {"index": 0, "nominal": {"bullet": good, "mujoco": done(None, 2.0), "apart_m": [0.001, 0.0]}},
+        {"index": 1, "nominal": {"bullet": good, "mujoco": bad, "apart_m": [0.5]}},
+        {"index": 2, "nominal": {"bullet": bad, "mujoco": bad, "apart_m": [0.5]}},
+        {"index": 3, "nominal": {"bullet": good, "mujoco": good, "apart_m": [0.002]}},
     ]
-    report = second_engine.summarize(rows)
-    assert report["n"] == 3
-    assert report["success"] == pytest.approx(2 / 3)
-    assert report["causes"] == {"collision": 1}
-    assert report["failures"] == [{"index": 1, "detail": "collision"}]
-    assert report["drop_cm"] == pytest.approx(1.5)
-    assert report["first"]["shift_cm"] == pytest.approx(0.05)
-    assert report["apart_mm"]["max"] == pytest.approx(2.0)
-    assert report["restless"] == 1
-    assert second_engine.summarize(rows[2:4]) == {"n": 0}
-
-
-def replaced(row: dict[str, Any], **changes: Any) -> dict[str, Any]:
-    return {**row, **changes}
+    report = both_engines.summarize([{**row, "disturbed": row["nominal"]} for row in rows] + [{"index": 4}])
+    nominal = report["nominal"]
+    assert report["disturbed"] == nominal
+    assert nominal["n"] == 4
+    assert nominal["agreement"] == 0.75
+    assert nominal["different"] == [{"index": 1, "bullet": "", "mujoco": "collision"}]
+    assert nominal["bullet"]["success"] == 0.75
+    assert nominal["mujoco"]["success"] == 0.5
+    assert nominal["mujoco"]["cpu_s_median"] == 2.0
+    assert nominal["bullet"]["drop_cm"] == pytest.approx(1.5)
+    assert nominal["apart_mm"]["max"] == pytest.approx(2.0)
+    assert both_engines.summarize([{"index": 4}])["nominal"] == {"n": 0}

@@ -16,10 +16,10 @@ import trimesh
 
 from packenv.geometry.stable_poses import pose_comparer, stable_facets, stable_poses
 from packenv.types import Item
-from tests.conftest import NO_PHYSICS
+from tests.conftest import NO_BULLET
 from tests.geometry_samples import same_pose
 
-bullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
+bullet = pytest.importorskip("pybullet", reason=NO_BULLET)
 
 CATALOGUE = Path(__file__).resolve().parents[2] / "assets" / "catalogue"
 

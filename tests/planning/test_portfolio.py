@@ -185,14 +185,14 @@ def test_members_differ_in_their_rule_alone() -> None:
     [
         {"heuristic": "hm"},
         {"heuristic": lambda candidates, rng: candidates.z},
-        {"rehearse": 1, "constraints": "robot"},
+        {"stability": "physics", "constraints": "robot"},
     ],
-    ids=["one rule", "an own rule", "rehearsals"],
+    ids=["one rule", "an own rule", "physics"],
 )
 def test_one_rule_or_physics_has_one_planner(words: dict[str, Any]) -> None:
     made = job_of(**words).packer(BOX)
     assert isinstance(made, Planner)
-    if "rehearse" in words:
+    if "stability" in words:
         assert made.heuristic == heuristic_of(PlanOptions(heuristic="hm"))
 
 

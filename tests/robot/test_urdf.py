@@ -8,10 +8,10 @@ import trimesh
 
 from packenv.robot.shapes import Primitive
 from packenv.robot.urdf import mass_properties
-from tests.conftest import NO_PHYSICS
+from tests.conftest import NO_BULLET
 from tests.robot.sampling import ROBOTS, random_joints
 
-pybullet = pytest.importorskip("pybullet", reason=NO_PHYSICS)
+pybullet = pytest.importorskip("pybullet", reason=NO_BULLET)
 
 
 @pytest.fixture(params=ROBOTS, ids=lambda r: r.name)

@@ -84,13 +84,13 @@ def test_the_first_way_out_is_along_the_normal_and_farther_than_the_contact_is_d
 ) -> None:
     flat = np.array([np.cos(angle), np.sin(angle), 0.0])
     normal = np.sqrt(1.0 - rise**2) * flat + [0.0, 0.0, rise]
-    out = next(ways_out(Touch(1, 2, -1, depth, np.zeros(3), normal), np.array([0.0, 0.1, 0.0])))
+    out = next(ways_out(Touch(1, 2, depth, np.zeros(3), normal), np.array([0.0, 0.1, 0.0])))
     assert np.hypot(*out) > depth
     np.testing.assert_allclose(out / np.hypot(*out), flat[:2], atol=1e-9)
 
 
 def test_some_way_out_leads_close_to_anywhere_near() -> None:
-    below = Touch(1, 2, -1, 0.001, np.array([0.02, 0.0, 0.1]), np.array([0.0, 0.0, 1.0]))
+    below = Touch(1, 2, 0.001, np.array([0.02, 0.0, 0.1]), np.array([0.0, 0.0, 1.0]))
     ways = np.array(list(ways_out(below, np.array([0.05, 0.0, 0.13]))))
     assert ways[0][0] > 0.001
     assert ways[0][1] == pytest.approx(0.0)

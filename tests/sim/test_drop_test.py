@@ -10,6 +10,8 @@ from packenv.sim.physics_items import PhysicsItem
 from packenv.sim.world import WorldConfig
 from tests.sim.bodies import BOX, ball, brick
 
+pytestmark = pytest.mark.usefixtures("auto")
+
 EXACT = Release()
 SLAB = brick(0.1, 0.1, 0.05, "slab")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 import packenv as rp
 from packenv.execution.physics_planner import INSIDE
 from packenv.items.catalogue import open_catalogue
@@ -12,6 +14,8 @@ from packenv.shipped import assets_dir
 from packenv.sim.drop_test import DropTest, Lying, Release
 from packenv.sim.world import WorldConfig
 from packenv.types import Container, Pose
+
+pytestmark = pytest.mark.usefixtures("auto")
 
 WATCH = replace(INSIDE, settle=4.0)
 """Gaps at the sides let an item slip by millimetres, and a duck may roll in its bowl; what hangs falls."""

@@ -11,6 +11,8 @@ from packenv.sim.placing import MotionConfig
 from packenv.sim.session import ExecutionConfig
 from tests.sim.bodies import BOX, ball, brick, by_hand, by_robot, carried_out, slipped
 
+pytestmark = pytest.mark.usefixtures("auto")
+
 
 def test_a_box_falls_the_centimetre_from_the_release() -> None:
     done = carried_out([by_hand(brick(), (0.1, 0.1, 0.0))])

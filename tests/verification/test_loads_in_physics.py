@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 import pytest
 
 import packenv as rp
@@ -11,7 +10,7 @@ from packenv.config import GRAVITY
 from packenv.items.shelf import ItemShelf
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.sim.rest import RestRule, settle
-from packenv.sim.world import SCALE, World, WorldConfig
+from packenv.sim.world import World, WorldConfig
 from packenv.types import Order, OrderLine, Plan
 
 BOX = rp.Container(0.24, 0.24, 0.3)
@@ -47,7 +46,6 @@ def pushed_down(plan: Plan, shelf: ItemShelf) -> dict[int, float] | None:
 
     None where it does not come to rest as planned: an item that fell lies on others.
     """
-    gravity = GRAVITY * SCALE
     with World(plan.container, WorldConfig()) as world:
         bodies = [world.add(shelf.physics[p.item], p.rotation, p.position) for p in plan.placements]
         settled = settle(world, 3.0, RestRule())
@@ -61,13 +59,10 @@ def pushed_down(plan: Plan, shelf: ItemShelf) -> dict[int, float] | None:
         for _ in range(STEPS):
             world.step()
             for step, body in enumerate(bodies, start=1):
-                for touch in pybullet.getContactPoints(bodyA=body, physicsClientId=world.client):
-                    up, force = touch[7][2], touch[9]
-                    if touch[2] in bodies and up < -0.05:
-                        found[step] -= (
-                            force * up + touch[10] * touch[11][2] + touch[12] * touch[13][2]
-                        ) / STEPS
-    return {step: force / gravity for step, force in found.items()}
+                for push in world.pushes(body):
+                    if push.other in bodies and push.force[2] < 0.0:
+                        found[step] -= float(push.force[2]) / STEPS
+    return {step: force / GRAVITY for step, force in found.items()}
 
 
 @pytest.mark.slow

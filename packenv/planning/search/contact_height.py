@@ -235,7 +235,7 @@ def _by_cell(
     starts = np.empty(shape[0] * shape[1] + 1, dtype=np.int64)
     origin = first[0] * cell, first[1] * cell
     entries = kernels.cells_of_faces(corners, boxes, *origin, cell, *shape, starts)
-    keys = boxes[:, 2] if down else -boxes[:, 5]
+    keys = boxes[:, 2].copy() if down else -boxes[:, 5]
     first_keys = np.empty(shape[0] * shape[1])
     kernels.sort_cells(starts, entries, keys, first_keys)
     highest = float(boxes[:, 5].max(initial=-np.inf))

@@ -50,7 +50,8 @@ def cells_of_faces(  # type: ignore[no-untyped-def]
         needed = count + max(0, i1 - i0 + 1) * max(0, j1 - j0 + 1)
         if needed > len(pairs):
             more = np.empty((2 * needed, 2), dtype=np.int32)
-            more[:count] = pairs[:count]
+            for old in range(count):
+                more[old, 0], more[old, 1] = pairs[old, 0], pairs[old, 1]
             pairs = more
         if not small:
             _inward(corners, f, inward)
@@ -367,10 +368,13 @@ def contact_height(  # type: ignore[no-untyped-def]
     x, y = ix * cell + dx, iy * cell + dy
     # Behind the edge, a cell of the container meets the item's cell of the same number and the one before.
     back_x, back_y = (1 if dx > 0.0 else 0), (1 if dy > 0.0 else 0)
-    for at in np.argsort(bounds[:count]):
-        if -bounds[at] <= best:
-            break
-        i, j = places[at] // h, places[at] % h
+    for at in range(count // 2 - 1, -1, -1):
+        _sink(bounds, places, at, count)
+    while count > 0 and -bounds[0] > best:
+        i, j = places[0] // h, places[0] % h
+        count -= 1
+        bounds[0], places[0] = bounds[count], places[count]
+        _sink(bounds, places, 0, count)
         k = (ix + i - ux) * uh + iy + j - uy
         for i_own in range(max(0, i - back_x), min(i + 1, lw)):
             for j_own in range(max(0, j - back_y), min(j + 1, lh)):
@@ -398,3 +402,21 @@ def contact_height(  # type: ignore[no-untyped-def]
                         if bound > best:
                             best = face_over_face(lower[f], x, y, upper[g], window, best, one, two)
     return best
+
+
+@compiled
+def _sink(keys, values, at, count):  # type: ignore[no-untyped-def]
+    """Let one entry of a binary heap, the least key first, sink to its place.
+
+    The search ends after few of its cells: a heap gives these without sorting the others.
+    """
+    key, value = keys[at], values[at]
+    while 2 * at + 1 < count:
+        child = 2 * at + 1
+        if child + 1 < count and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[at], values[at] = keys[child], values[child]
+        at = child
+    keys[at], values[at] = key, value

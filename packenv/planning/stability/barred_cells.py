@@ -8,7 +8,6 @@ that stands beside it begins in the same cell.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_erosion
 
 from packenv.kernels import compiled
 from packenv.planning.constraints import Trial
@@ -28,11 +27,24 @@ def with_barred(barred: Float32Array | None, trial: Trial, shape: tuple[int, int
     heights = np.full(shape, -np.inf, dtype=np.float32) if barred is None else barred.copy()
     top = trial.oriented.top
     w, h = top.shape
-    inner = binary_erosion(trial.oriented.footprint)
+    inner = _inner(trial.oriented.footprint)
     window = heights[trial.ix : trial.ix + w, trial.iy : trial.iy + h]
     inner, top = inner[: window.shape[0], : window.shape[1]], top[: window.shape[0], : window.shape[1]]
     np.maximum(window, np.where(inner, top + np.float32(trial.z), np.float32(-np.inf)), out=window)
     return heights
+
+
+def _inner(footprint: BoolArray) -> BoolArray:
+    """(w, h) the cells all four of whose neighbours belong to the footprint, too."""
+    inner = np.zeros_like(footprint)
+    inner[1:-1, 1:-1] = (
+        footprint[1:-1, 1:-1]
+        & footprint[:-2, 1:-1]
+        & footprint[2:, 1:-1]
+        & footprint[1:-1, :-2]
+        & footprint[1:-1, 2:]
+    )
+    return inner
 
 
 def on_barred(candidates: Candidates, barred: Float32Array) -> BoolArray:

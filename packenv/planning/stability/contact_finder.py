@@ -11,7 +11,6 @@ import numpy as np
 from packenv.planning.options import ContactRule
 from packenv.planning.stability.contact_patches import thin, tighten
 from packenv.planning.stability.contacts import Body, item_contacts, with_friction
-from packenv.planning.stability.paper_contacts import paper_contacts
 from packenv.types import Contacts, Container
 
 ContactFinder: TypeAlias = Callable[[Body, Sequence[Body], Container, int], Contacts]
@@ -30,6 +29,8 @@ def contact_finder(rule: ContactRule, mu: float, *, tight: bool) -> ContactFinde
 
     def find(new: Body, others: Sequence[Body], container: Container, index: int) -> Contacts:
         if rule == "paper":
+            from packenv.planning.stability.paper_contacts import paper_contacts  # fcl and scipy
+
             found = paper_contacts(new, others, container, index=index)
         else:
             found = item_contacts(new, others, container, index=index)

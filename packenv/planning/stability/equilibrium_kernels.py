@@ -50,7 +50,7 @@ def fill_columns(  # type: ignore[no-untyped-def]
     across = np.empty(3)
     start[0] = 0
     for k in range(len(points)):
-        nx, ny, nz = normals[k]
+        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         along = nx * up[0] + ny * up[1] + nz * up[2]
         size = 0.0
         for axis in range(3):
@@ -73,7 +73,7 @@ def fill_columns(  # type: ignore[no-untyped-def]
                 edges[k, s, axis] = normals[k, axis] + mu[k] * (
                     wheel[s, 0] * tangent[axis] + wheel[s, 1] * across[axis]
                 )
-            ex, ey, ez = edges[k, s]
+            ex, ey, ez = edges[k, s, 0], edges[k, s, 1], edges[k, s, 2]
             for side in range(2):
                 body = first[k] if side == 0 else second[k]
                 if slot[body] < 0:
@@ -110,7 +110,7 @@ def add_wrenches(points, forces, first, second, centre, length, total):  # type:
         total: (n + 1, 6) force and torque over ``length``, N; grows.
     """
     for k in range(len(points)):
-        fx, fy, fz = forces[k]
+        fx, fy, fz = forces[k, 0], forces[k, 1], forces[k, 2]
         for side in range(2):
             body = first[k] if side == 0 else second[k]
             sign = -1.0 if side == 0 else 1.0
@@ -252,7 +252,8 @@ def first_refuted(  # type: ignore[no-untyped-def]
     for i in range(k):
         second[i] = 1 if ahead[i] else 0
     slot, centre = np.array([-1, 0]), np.zeros((2, 3))
-    centre[1] = com
+    for axis in range(3):
+        centre[1, axis] = com[axis]
     start, index, value = np.empty(n + 1, np.int32), np.empty(12 * n, np.int32), np.empty(12 * n)
     fill_columns(
         points, normals, 1 - second, second, slot, np.ones(k), np.ones(2), centre, length, mu, up, level, wheel,

@@ -75,11 +75,13 @@ def settle(rows, load, mu, stiffness, following, accuracy, most, motion):  # typ
     pressed = np.zeros(k, dtype=np.bool_)
     bound = np.zeros(k)
     matrix = np.empty((6, 6))
+    moved = np.empty(6)
     speed = np.empty(3)
     spring = np.empty(3)
     stiff = min(_SOFT, stiffness)
     rubbing = False
-    motion[:] = load
+    for a in range(6):
+        motion[a] = load[a]
     for iteration in range(most):
         matrix[:] = 0.0
         for a in range(6):
@@ -106,7 +108,7 @@ def settle(rows, load, mu, stiffness, following, accuracy, most, motion):  # typ
                     for a in range(6):
                         for b in range(6):
                             matrix[a, b] += spring[d] * rows[i, d, a] * rows[i, d, b]
-        moved = np.linalg.solve(matrix, load)
+        _solve(matrix, load, moved)
         change = 0.0
         for a in range(6):
             change = max(change, abs(moved[a] - motion[a]))
@@ -119,3 +121,23 @@ def settle(rows, load, mu, stiffness, following, accuracy, most, motion):  # typ
                 stiff = min(_SOFT * stiff, stiffness)
             else:
                 rubbing = True
+
+
+@compiled
+def _solve(matrix, load, found):  # type: ignore[no-untyped-def]
+    """Solve symmetric, positive definite equations by Cholesky's factors, which overwrite the lower triangle."""
+    n = len(load)
+    for a in range(n):
+        for b in range(a + 1):
+            rest = matrix[a, b]
+            for c in range(b):
+                rest -= matrix[a, c] * matrix[b, c]
+            matrix[a, b] = rest / matrix[b, b] if b < a else math.sqrt(rest)
+        rest = load[a]
+        for c in range(a):
+            rest -= matrix[a, c] * found[c]
+        found[a] = rest / matrix[a, a]
+    for a in range(n - 1, -1, -1):
+        for c in range(a + 1, n):
+            found[a] -= matrix[c, a] * found[c]
+        found[a] /= matrix[a, a]

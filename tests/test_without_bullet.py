@@ -1,7 +1,8 @@
-"""Where pybullet is not installed: all but physics works, and physics ends in one line before any work."""
+"""Where pybullet is not installed MuJoCo is the engine; where neither is, physics ends in one line before any work."""
 
 from __future__ import annotations
 
+import json
 import platform
 import subprocess
 import sys
@@ -10,24 +11,27 @@ from pathlib import Path
 import pytest
 
 from packenv.errors import InputError, PhysicsError
-from tests.conftest import PHYSICS, REPO
+from tests.conftest import REPO
 
-BLOCKED = "import sys; sys.modules['pybullet'] = None\n"
-NEEDS = "physics needs the package pybullet, which "
-
-
-def python(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", BLOCKED + code], capture_output=True, text=True, cwd=REPO)
+NO_BULLET = "import sys; sys.modules['pybullet'] = None\n"
+NO_ENGINE = NO_BULLET + "sys.modules['mujoco'] = None\n"
+NEEDS = "engine mujoco needs the package mujoco, which "
 
 
-def robotpack(*arguments: str | Path, module: str = "packenv.cli") -> subprocess.CompletedProcess[str]:
+def python(code: str, blocked: str = NO_ENGINE) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", blocked + code], capture_output=True, text=True, cwd=REPO)
+
+
+def robotpack(
+    *arguments: str | Path, module: str = "packenv.cli", blocked: str = NO_ENGINE
+) -> subprocess.CompletedProcess[str]:
     words = [str(argument) for argument in arguments]
-    return python(f"from {module} import main\nsys.exit(main({words!r}))")
+    return python(f"from {module} import main\nsys.exit(main({words!r}))", blocked)
 
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Made without pybullet."""
+    """Made without any engine."""
     folder = tmp_path_factory.mktemp("plan")
     order = folder / "order.csv"
     order.write_text("item,qty\nmug,1\n")
@@ -44,6 +48,18 @@ def test_pack_verify_and_view_need_no_physics(plan, tmp_path):
         assert robotpack("view", plan, "-o", tmp_path / name).returncode == 0
         assert (tmp_path / name).stat().st_size > 1000
     assert robotpack("export", plan, "-o", tmp_path / "trajectories.json").returncode == 0
+
+
+def test_mujoco_carries_a_plan_out_where_pybullet_is_missing(plan):
+    done = robotpack("execute", plan, "--json", blocked=NO_BULLET)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["success"]
+    assert document["config"]["world"]["engine"]["name"] == "mujoco"
+    missing = robotpack("execute", plan, "--engine", "bullet", blocked=NO_BULLET)
+    assert (missing.returncode, missing.stdout) == (2, "")
+    assert missing.stderr.startswith("robotpack: engine bullet needs the package pybullet, which ")
+    assert missing.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -92,25 +108,24 @@ except PhysicsError as problem:
     assert line.startswith(NEEDS)
 
 
-@pytest.mark.skipif(not PHYSICS, reason="packenv.sim cannot be imported without pybullet")
 @pytest.mark.parametrize(
     ("version", "system", "machine", "words"),
     [
         ((3, 11), "linux", "x86_64", "is not installed: pip install pybullet"),
-        ((3, 12), "linux", "x86_64", "not for Python 3.12 on linux x86_64"),
+        ((3, 12), "linux", "x86_64", "not for Python 3.12 on linux x86_64: give --engine mujoco"),
         ((3, 11), "darwin", "arm64", "not for Python 3.11 on darwin arm64"),
         ((3, 10), "linux", "aarch64", "not for Python 3.10 on linux aarch64"),
     ],
 )
 def test_the_line_says_why_and_what_would_help(monkeypatch, version, system, machine, words):
-    from packenv import sim
+    from packenv.sim import engines
 
     monkeypatch.setattr(sys, "version_info", version)
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(platform, "machine", lambda: machine)
-    line = sim._missing(ModuleNotFoundError("No module named 'pybullet'", name="pybullet"))
-    assert line.startswith(NEEDS)
+    line = engines._missing("bullet", ModuleNotFoundError("No module named 'pybullet'", name="pybullet"))
+    assert line.startswith("engine bullet needs the package pybullet, which ")
     assert words in line
-    broken = sim._missing(ImportError("libX.so: cannot open shared object file", name="libX"))
+    broken = engines._missing("bullet", ImportError("libX.so: cannot open shared object file", name="libX"))
     assert "cannot be loaded: libX.so" in broken
     assert issubclass(PhysicsError, InputError)
