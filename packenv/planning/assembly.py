@@ -350,11 +350,11 @@ def _cautious(
         restart_tiers=tight,
         last_resorts=as_paper((0,)),
         clearance=0,
-        roomy=_roomy(constraints, levels, options.restarts) if levels[0] else None,
+        roomy=_roomy(constraints, levels) if levels[0] else None,
     )
 
 
-def _roomy(constraints: Sequence[Constraint], levels: Sequence[int], restarts: int) -> Strategy:
+def _roomy(constraints: Sequence[Constraint], levels: Sequence[int]) -> Strategy:
     """One pass with clearance: what may not stay where it is put comes last, and aside from others of its kind."""
     careful = with_margin(constraints, replace(MARGIN, aside=ASIDE))
     little = with_margin(constraints, LITTLE)
@@ -384,7 +384,7 @@ def _roomy(constraints: Sequence[Constraint], levels: Sequence[int], restarts: i
             [Tier(room[-1], risk=1.2, shaky=True, apart=AWAY)],
             [Tier(0, risk=2.0, shaky=True)],
         ),
-        restarts=min(restarts, 1),
+        restarts=1,
         clearance=levels[0],
         trial=True,
     )

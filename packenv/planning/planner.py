@@ -57,12 +57,9 @@ class Planner(PassRules):
             start: what the container holds already; empty where None.
         """
         strategy, given = self.strategy, sequence
-        if strategy.roomy is not None:
-            roomy = PackingPass(replace(self, strategy=strategy.roomy), items, container, start).pack(
-                sequence
-            )
-            if roomy.complete:
-                return roomy
+        roomy = self.with_room(sequence, items, container, start)
+        if roomy is not None:
+            return roomy
         best = PackingPass(self, items, container, start).pack(sequence)
         last, tried = best, {tuple(sequence)}
         for k in range(strategy.restarts):
@@ -116,9 +113,12 @@ class Planner(PassRules):
             container: likewise.
             start: likewise.
         """
-        if self.strategy.roomy is None:
+        roomy = self.strategy.roomy
+        if roomy is None:
             return None
-        found = replace(self, strategy=self.strategy.roomy).pack(sequence, items, container, start)
+        # Whoever wants no restart wants the sequence as it is.
+        roomy = replace(roomy, restarts=min(roomy.restarts, self.strategy.restarts))
+        found = replace(self, strategy=roomy).pack(sequence, items, container, start)
         if not found.complete:
             return None
         return replace(found, makeshift=(), risk=0.0, made_by=name_of(self.heuristic))
