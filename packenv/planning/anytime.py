@@ -23,6 +23,7 @@ from packenv.planning.options import Goal
 from packenv.planning.packing import PERHAPS, Packing, Pile
 from packenv.planning.portfolio import Portfolio, goal
 from packenv.planning.search.container_map import ContainerMap
+from packenv.planning.search.heuristics import name_of
 from packenv.planning.search.measured import Resting
 from packenv.planning.trails import Trails, Turn, single_passes
 from packenv.types import Container, Leftover
@@ -147,15 +148,17 @@ class Anytime:
         deadline, enough = Deadline(float(end), self.clock), WholeIsEnough(self.aim)
         try:
             record.best = self.known
-            roomy = None if self.known else self.first.members[0].with_room(sequence, items, container, start)
+            lead = self.first.members[0]
+            roomy = None if self.known else lead.with_room(sequence, items, container, start)
             if roomy is not None:
+                roomy = replace(roomy, made_by=name_of(lead.heuristic))
                 record.keep(roomy)
-            first = (
-                self.known or roomy or self.quick(deadline, record).pack(sequence, items, container, start)
-            )
+            first = self.known or roomy
+            if first is None:
+                first = self.quick(deadline, record).pack(sequence, items, container, start)
             if enough(first) or deadline.passed:
                 return first, False
-            if first not in (self.known, roomy) and not self.hurried(self.clock() - began):
+            if (self.known or roomy) is None and not self.hurried(self.clock() - began):
                 share = Deadline(began + CAREFUL * (float(end) - began), self.clock)
                 members = [member.without_room for member in self.first.members]
                 whole = replace(self.first, members=members, until=share, found=record.keep)

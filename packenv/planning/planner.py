@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.packing import Packing, Pile
 from packenv.planning.packing_pass import PackingPass, PassRules
-from packenv.planning.search.heuristics import name_of
 from packenv.planning.variants import is_hollow, side_by_side
 from packenv.types import Container
 
@@ -121,7 +120,7 @@ class Planner(PassRules):
         found = replace(self, strategy=roomy).pack(sequence, items, container, start)
         if not found.complete:
             return None
-        return replace(found, makeshift=(), risk=0.0, made_by=name_of(self.heuristic))
+        return replace(found, makeshift=(), risk=0.0)
 
     @property
     def without_room(self) -> Planner:

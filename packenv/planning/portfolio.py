@@ -96,6 +96,7 @@ class Portfolio:
         members = [replace(member, until=self.until) for member in self.members]
         roomy = members[0].with_room(sequence, items, container, start)
         if roomy is not None:
+            roomy = replace(roomy, made_by=name_of(members[0].heuristic))
             self.found(roomy)
             return roomy
         members[0] = members[0].without_room
