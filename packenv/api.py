@@ -179,7 +179,8 @@ def plan(
         start: a box that is not empty: a plan, all of whose items lie where it says, or what
             :func:`load_partly_filled` reads. They are the plan's first items, ``lying`` says how many.
         unit: of the meshes, where ``catalogue`` is a folder or meshes in memory, and of such a container's size.
-        margins: tell the margin of every placed item, a few milliseconds each.
+        margins: tell the margin of every placed item, and what the pile of every step withstands: some ten
+            milliseconds a step.
         workers: processes that search where there is a ``budget`` or ``plans``; the same ``plans`` give the same plan
             on any number. With more than one a script keeps its work under ``if __name__ == "__main__":``.
         watcher: is told of progress.
@@ -391,7 +392,9 @@ def _plan_onto(
     placements = (*there, *found.placements)
     volume = sum(shelf.items[p.item].volume for p in placements)
     whole = replace(found, placements=placements, utilization=volume / lies.container.volume)
-    made = make_plan(whole, lines, shelf, job.options, unit=unit, metrics=metrics, lying=count)
+    made = make_plan(
+        whole, lines, shelf, job.options, unit=unit, metrics=metrics, lying=count, margins=job.margins
+    )
     return renumbered(made)
 
 
@@ -441,13 +444,15 @@ def _boxed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], uni
     """The plan of one box, rehearsed where that is asked."""
     if job.options.rehearse and packing.placements:
         return _rehearsed(job, packing, lines, unit)
-    return make_plan(packing, lines, job.shelf, job.options, unit=unit)
+    return make_plan(packing, lines, job.shelf, job.options, unit=unit, margins=job.margins)
 
 
 def _rehearsed(job: PlanningJob, packing: Packing, lines: tuple[OrderLine, ...], unit: str | None) -> Plan:
     names = job.sequence([line.item for line in lines for _ in range(line.qty)])
     found = job.rehearse(packing.container, names, packing)
-    return make_plan(found.chosen, lines, job.shelf, job.options, unit=unit, metrics=found.metrics)
+    return make_plan(
+        found.chosen, lines, job.shelf, job.options, unit=unit, metrics=found.metrics, margins=job.margins
+    )
 
 
 def _pose(step: int, given: Pose) -> Pose:

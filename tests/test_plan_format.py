@@ -94,7 +94,7 @@ def test_every_key_of_a_plan_file_has_a_row() -> None:
     written = plan_to_json(plan)
     step = written["steps"][0]
     records = [written, written["container"], step, *step["details"].values(), *written["meshes"].values()]
-    assert set(step["details"]) == {"stability", "manipulation"}
+    assert set(step["details"]) == {"stability", "manipulation", "robustness"}
     named = rows()
     assert {key for record in records for key in record} - named == set()
     metrics = {"route_<route>" if key.startswith("route_") else key for key in written["metrics"]}

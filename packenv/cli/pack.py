@@ -22,7 +22,7 @@ from packenv.robot.files import cell_files
 from packenv.shipped import BUILTIN
 from packenv.types import Container, Plan
 from packenv.view.show import check_suffix, show
-from packenv.view.words import leftover_lines, piece_names, rule_words
+from packenv.view.words import leftover_lines, piece_names, robustness_words, rule_words
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -143,6 +143,8 @@ def _report(plan: Plan, options: PlanOptions, written: Iterable[Path]) -> None:
         f"packed {packed} of {ordered} items into {plan.container.full_label} with {rule_words(plan)}: "
         f"utilization {plan.metrics['utilization']:.1%}, height {plan.metrics['height']:.3f} m"
     )
+    if "min_tilt_deg" in plan.metrics:
+        say(f"every step {robustness_words(plan.metrics, 'min_')}")
     if options.cell is not None:
         say(f"cell: {options.cell.label}")
     if "rehearsal_worlds" in plan.metrics:

@@ -7,8 +7,10 @@ import argparse
 from packenv import api
 from packenv.cli.output import say, say_json
 from packenv.items.plan_items import open_plan, options_of
+from packenv.planning.robustness import least_of
 from packenv.verification.exact_meshes import AuditReport
 from packenv.verification.report import Verification
+from packenv.view.words import robustness_words
 
 _FINDINGS = ("overlaps", "protrusions", "blocked")
 _LIMITS = {
@@ -67,6 +69,11 @@ def _report_recheck(found: Verification, constraints: str) -> None:
     for step in recheck.unreachable_steps:
         say(f"unreachable: the robot cannot place step {step}")
     reach = f", {len(recheck.unreachable_steps)} unreachable" if constraints == "robot" else ""
+    for step, row in found.robustness.items():
+        say(f"step {step:>2} {robustness_words(row.to_details())}")
+    if found.robustness:
+        least = least_of(found.robustness.values())
+        say(f"every step {robustness_words(least, 'min_')}")
     say(f"every step checked again: {len(recheck.unstable_steps)} unstable{reach}")
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
+from packenv.planning.robustness import with_robustness
 from packenv.types import MeshRecord, OrderLine, Plan
 
 
@@ -20,6 +21,7 @@ def make_plan(
     unit: str | None = None,
     metrics: Mapping[str, float] | None = None,
     lying: int = 0,
+    margins: bool = False,
 ) -> Plan:
     """Join a packing with what its file must tell.
 
@@ -31,11 +33,12 @@ def make_plan(
         unit: the unit that the user gave for the meshes.
         metrics: further figures.
         lying: as in :class:`Plan`.
+        margins: tell what the pile of every step withstands, where the plan keeps force balance.
     """
     routes = Counter(placement.route for placement in packing.placements)
     tops = [float(p.corner[2] + p.extents[2]) for p in packing.placements]
     names = dict.fromkeys(line.item for line in order)
-    return Plan(
+    plan = Plan(
         container=packing.container,
         placements=packing.placements,
         leftovers=packing.leftovers,
@@ -58,6 +61,7 @@ def make_plan(
         lying=lying,
         made_with=options,
     )
+    return with_robustness(plan, shelf.shapes, shelf.fields, options) if margins else plan
 
 
 def mesh_records(names: Iterable[str], shelf: ItemShelf) -> dict[str, MeshRecord]:

@@ -9,10 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from packenv.errors import is_number
+from packenv.planning.robustness import Robustness, least_of
 from packenv.types import Item, Plan
 
 _TOLERANCE = 1e-6
 """Share of a figure that it may be off."""
+
+_ROUNDING = {"tilt_deg": 0.5, "push": 0.01, "offset_m": 5e-4}
+"""By how much a plan may say that it withstands more: samples of a surface that are equally far off take turns."""
 
 _NEVER_CHECKED = ("stable_pose", "yaw", "route", "score", "candidates", "checked", "rejections", "made_by")
 
@@ -48,9 +52,35 @@ def misstatements(
     return tuple(Misstatement(*claim) for claim in claims if not _agree(*claim[1:]))
 
 
+def overstatements(plan: Plan, found: Mapping[int, Robustness]) -> tuple[Misstatement, ...]:
+    """Figures of what piles withstand that are larger than those found; of steps and of metrics.
+
+    Args:
+        plan: the plan.
+        found: what the pile of each step withstands; empty where nothing of it is asked.
+    """
+    rows = {
+        f"steps[{step - 1}].details.robustness": (plan.placements[step - 1].details.get("robustness"), row)
+        for step, row in ((step, row.to_details()) for step, row in found.items())
+    }
+    rows["metrics"] = plan.metrics, least_of(found.values())
+    return tuple(
+        Misstatement(f"{where}.{name}", stated[name], most)
+        for where, (stated, row) in rows.items()
+        if isinstance(stated, Mapping)
+        for name, most in row.items()
+        if name in stated and not _no_more(stated[name], most, name.removeprefix("min_"))
+    )
+
+
+def _no_more(stated: object, most: float, name: str) -> bool:
+    return is_number(stated) and stated <= most + _ROUNDING[name]
+
+
 def not_checked(plan: Plan) -> tuple[str, ...]:
     """Names of what the plan says and nothing here compares (docs/plan-format.md)."""
-    named = [f"details.{name}" for name in dict.fromkeys(name for p in plan.placements for name in p.details)]
+    details = dict.fromkeys(name for p in plan.placements for name in p.details)
+    named = [f"details.{name}" for name in details if name != "robustness"]
     rehearsed = [f"metrics.{name}" for name in plan.metrics if name.startswith("rehearsal_")]
     reasons = ["leftovers.reason"] if plan.leftovers else []
     return (*_NEVER_CHECKED, *named, *rehearsed, *reasons)

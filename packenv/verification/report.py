@@ -8,8 +8,9 @@ from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from packenv.items.plan_items import Items, options_of, shelf_of
+from packenv.planning.robustness import Robustness, least_of, measure_robustness
 from packenv.types import Item, Plan
-from packenv.verification.claims import Misstatement, misstatements, not_checked
+from packenv.verification.claims import Misstatement, misstatements, not_checked, overstatements
 from packenv.verification.limits import BrokenLimit, broken_limits
 from packenv.verification.stability_and_reach import Recheck, recheck
 
@@ -27,8 +28,10 @@ class Verification:
         misstated: steps (from 1) whose stated bounding box is not that of the item at its pose.
         overweight: steps from which on the container holds more than it may.
         limits: limits of items that are not kept.
-        claims: masses, volumes, limits and metrics that are not what the catalogue and the poses say.
+        claims: masses, volumes, limits and metrics that are not what the catalogue and the poses say, and what
+            piles withstand where the plan says more than was found.
         recheck: stability and the robot's way.
+        robustness: what the pile of each step withstands, by step; empty where the plan keeps no force balance.
         not_checked: what else the plan says, which nothing here compares.
         unchecked: own constraints that the plan names; only their authors can check them.
         placed: number of placed items.
@@ -42,6 +45,7 @@ class Verification:
     limits: tuple[BrokenLimit, ...]
     claims: tuple[Misstatement, ...]
     recheck: Recheck
+    robustness: Mapping[int, Robustness]
     not_checked: tuple[str, ...]
     unchecked: tuple[str, ...]
     placed: int
@@ -63,6 +67,8 @@ class Verification:
             "broken_limits": [asdict(broken) for broken in self.limits],
             "misstated_claims": [asdict(claim) for claim in self.claims],
             **asdict(self.recheck),
+            "robustness": [{"step": step, **row.to_details()} for step, row in self.robustness.items()],
+            **least_of(self.robustness.values()),
             "not_checked": self.not_checked,
             "unchecked_constraints": self.unchecked,
             "placed": self.placed,
@@ -101,14 +107,16 @@ def verify(plan: Plan, catalogue: Items | None = None, *, unit: str | None = Non
     names = dict.fromkeys(p.item for p in plan.placements)
     items = {name: shelf.items[name] for name in names}
     shapes = {name: shelf.shapes[name] for name in names}
+    robustness = measure_robustness(plan, shapes, shelf.fields, options)
     return Verification(
         audit_plan(plan, items),
         audit_plan(plan, shapes) if options.shape == "parts" else None,
         misstated_boxes(plan, shapes),
         _overweight(plan, items),
         broken_limits(plan, shapes, shelf.fields, options),
-        misstatements(plan, items, shapes),
+        (*misstatements(plan, items, shapes), *overstatements(plan, robustness)),
         recheck(plan, shapes, shelf.fields, options),
+        robustness,
         not_checked(plan),
         tuple(str(name) for name in options.own_constraints),
         len(plan.placements),

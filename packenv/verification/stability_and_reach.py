@@ -19,9 +19,8 @@ from packenv.planning.assembly import counts_prestress, margin_rule
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.grasps import generate_grasps
 from packenv.planning.options import GraspRule, PlanOptions
-from packenv.planning.search.contact_height import ExactPile
 from packenv.planning.search.container_map import ContainerMap
-from packenv.planning.search.replay import replay_plan
+from packenv.planning.search.replay import surfaces_before
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.planning.stability.contact_finder import ContactFinder, contact_finder, grounded
 from packenv.planning.stability.contact_patches import tighten
@@ -88,7 +87,8 @@ def recheck(
     unstable = _unstable(plan, items, fields, balance, rule, find, prestress=prestress)
     if options.constraints == "stability":
         return Recheck(unstable)
-    surfaces = _surfaces_before(plan, items, options)
+    exact = options.heights == "mesh"
+    surfaces = surfaces_before(plan, items, options.grid.cell_size, exact=exact)
     checker = ManipulationChecker(options.setup.with_container(plan.container))
     unreachable = tuple(
         step
@@ -97,23 +97,6 @@ def recheck(
         or not _reachable(placement, items[placement.item], surfaces[step - 1], checker, options.grasp)
     )
     return Recheck(unstable, unreachable)
-
-
-def _surfaces_before(plan: Plan, items: Mapping[str, Item], options: PlanOptions) -> list[ContainerMap]:
-    """The heightmap before each step, up to the first item that is not over the container."""
-    cell_size, exact = options.grid.cell_size, options.heights == "mesh"
-    surfaces: tuple[ContainerMap, ...] = ()
-    for count in range(len(plan.placements), plan.lying, -1):
-        try:
-            part = replace(plan, placements=plan.placements[:count])
-            surfaces = replay_plan(part, items, cell_size, exact=exact)
-            break
-        except ValueError:
-            continue
-    empty = ContainerMap.empty(plan.container, cell_size, ExactPile(items) if exact else None)
-    known = [empty, *surfaces]
-    # Where the replay ended early, its next item is outside: there is no way down to it.
-    return known[:-1] if len(surfaces) == len(plan.placements) else known[: len(surfaces)]
 
 
 def _unstable(

@@ -26,7 +26,7 @@ from packenv.types import FloatArray, IntArray, Item
 from packenv.version import __version__
 from packenv.view.colours import hex_colour, item_colour
 from packenv.view.scene import Scene, SceneStep
-from packenv.view.words import leftover_lines
+from packenv.view.words import NOTES, WEIGHTS, leftover_lines, robustness_figures
 
 # Coordinates and heights are stored as whole multiples of 10 µm: 5 µm of error at most, and few bits.
 LENGTH_UNIT = 1e-5
@@ -125,6 +125,7 @@ def _encode(scene: Scene) -> tuple[dict[str, object], bytes]:
         "leftovers": [asdict(line) for line in leftover_lines(scene.leftovers)],
         "leftover_count": len(scene.leftovers),
         "summary": _summary(scene),
+        "notes": NOTES,
         "executed": bool(scene.verdict),
         "metrics": _plain(scene.metrics),
         "settings": _plain(scene.settings),
@@ -187,8 +188,18 @@ def _summary(scene: Scene) -> list[tuple[str, str]]:
         ("Height", f"{scene.height:.3f} m"),
         ("Container", scene.container.full_label),
         ("Heuristic", scene.heuristic),
+        *_robustness(scene.metrics),
         *scene.verdict,
     ]
+
+
+def _robustness(metrics: Mapping[str, object]) -> list[tuple[str, str]]:
+    """What every intermediate pile takes; nothing where a file holds something else than RobotPack writes."""
+    try:
+        tilt, push, off = robustness_figures(metrics, "min_").values()
+        return [("Every step takes", f"{tilt} tilt, {push.removesuffix(WEIGHTS)} push, {off} off")]
+    except (KeyError, TypeError, ValueError):
+        return []
 
 
 def _plain(value: object) -> object:

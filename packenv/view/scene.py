@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from packenv.errors import PlanError
 from packenv.types import Container, Float32Array, FloatArray, Item, Leftover, Placement, Plan, Pose
-from packenv.view.words import limit_words, loads_at_end, piece_names, rule_words
+from packenv.view.words import limit_words, loads_at_end, piece_names, robustness_figures, rule_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +187,7 @@ def _constraint_figures(placement: Placement) -> dict[str, object]:
     if isinstance(clearance, int | float):
         figures["Clearance"] = f"{clearance * 1e3:.0f} mm"
     for name, describe in (
+        ("robustness", robustness_figures),
         ("stability", _stability_figures),
         ("physics", _physics_figures),
     ):

@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 from packenv.planning.options import AUTO, SINGLE_RULES, STANDS_FOR_AUTO, Method
+from packenv.planning.robustness import LARGEST_PUSH, LARGEST_TILT
+from packenv.planning.search.offsets import LARGEST_OFFSET
 from packenv.types import Item, Leftover, Placement, Plan
 
 
@@ -75,3 +77,47 @@ def limit_words(item: Item, load: float | None) -> tuple[str, ...]:
     if load is None or math.isinf(bears) or bears == load == 0.0:
         return words
     return (*words, f"{load:.2g} of {bears:g} kg on it" if load else "nothing on it")
+
+
+WEIGHTS = " of its weight"
+"""What a push is a share of."""
+
+NOTES = {
+    "Tilt margin": "Tilt of gravity under which this item stays where it is while all other items are held.",
+    "Pile takes tilt": "All items placed so far stay in balance on a table that is tilted by this, whichever way.",
+    "Pile takes push": "All items placed so far stay in balance while this one is pushed sideways by this share of "
+    "its weight, whichever way.",
+    "Item may be off": "Lowered this far beside its place, whichever way, the item meets nothing before its release.",
+    "Every step takes": "The least tilt and the least push that the pile of any step takes, and the least by which an "
+    "item may be off on its way down.",
+}
+"""What labels of figures mean, for those who ask the page."""
+
+
+def robustness_figures(figures: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """What a pile withstands, label to text.
+
+    Args:
+        figures: ``tilt_deg``, ``push`` and ``offset_m``, each behind the prefix.
+        prefix: of their names.
+
+    Raises:
+        KeyError: a figure is missing.
+        ValueError: a figure is no number.
+    """
+    tilt, push, off = (float(figures[prefix + name]) for name in ("tilt_deg", "push", "offset_m"))
+    return {
+        "Pile takes tilt": f"{tilt:.1f}°{_or_more(tilt, LARGEST_TILT)}",
+        "Pile takes push": f"{100 * push:.0f} %{_or_more(push, LARGEST_PUSH)}{WEIGHTS}",
+        "Item may be off": f"{off * 1e3:.0f} mm{_or_more(off, LARGEST_OFFSET)}",
+    }
+
+
+def robustness_words(figures: Mapping[str, Any], prefix: str = "") -> str:
+    """The same in a line."""
+    tilt, push, off = robustness_figures(figures, prefix).values()
+    return f"takes a tilt of {tilt}, a push of {push}, and an item that is {off} off"
+
+
+def _or_more(value: float, most: float) -> str:
+    return " or more" if value >= most else ""

@@ -114,7 +114,8 @@ def test_what_pack_plans_verify_accepts(
     assert sum(routes.values()) == plan["metrics"]["packed"] == 5
     found = {f"route_{step['route']}" for step in plan["steps"]}
     assert set(routes) == found
-    told = {"overlap": set(), "stability": {"stability"}, "robot": {"stability", "manipulation"}}
+    told = {"overlap": set(), "stability": {"stability", "robustness"}}
+    told["robot"] = told["stability"] | {"manipulation"}
     for step in plan["steps"]:
         assert set(step["details"]) == told[plan["settings"]["constraints"]]
 

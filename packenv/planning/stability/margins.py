@@ -10,6 +10,7 @@ as every friction cone is open to its last degree, and a ball stands on a point.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from packenv.planning.stability.checker import StabilityChecker, StabilityResult
 from packenv.planning.stability.equilibrium import GRAVITY, Equilibrium
-from packenv.planning.stability.solvers import Solution, highs_solver, pass_program, solve_highs
+from packenv.planning.stability.solvers import Solution, new_solver, pass_program, solve_highs
 from packenv.types import Contacts, FloatArray, IntArray
 
 N_DIRECTIONS = 8
@@ -235,8 +236,9 @@ def measure_margin(
         most = np.tan(np.radians(cap_deg))
         # A few rows are solved faster than columns are picked.
         columns = np.arange(eq.n_columns) if eq.n_rows <= _FEW_ROWS else untilted.basis
+        items, program = len(eq.free), LoadProgram(eq, columns)
         for i, direction in enumerate(directions):
-            t, columns = _largest_pull(eq, direction, most, columns)
+            t = program.largest(level_load(items, range(items), direction), most)
             tilts[i] = cap_deg if t >= most else np.degrees(np.arctan(t))
     mu = _smallest_mu(checker, contacts, masses, coms, free) if with_mu else None
     return Margin(float(tilts.min()), True, directions, tilts, mu)
@@ -264,64 +266,93 @@ def _smallest_mu(
     return high
 
 
-def _largest_pull(
-    eq: Equilibrium, direction: FloatArray, most: float, columns: IntArray
-) -> tuple[float, IntArray]:
-    """Largest t, up to ``most``, at which the pile stands with the pull t · ``direction``.
+def level_load(items: int, loaded: Sequence[int], direction: FloatArray) -> FloatArray:
+    """(6 n,) a horizontal pull of its weight on each of some of n free items, in row units.
+
+    Args:
+        items: n.
+        loaded: which of them, from 0.
+        direction: (3,) unit.
+    """
+    load = np.zeros((items, 6))
+    load[loaded, :3] = direction
+    return load.ravel()
+
+
+class LoadProgram:
+    """How much of one load or another a pile that stands withstands: one linear program that knows its last answer.
 
     As in :func:`~packenv.planning.stability.solvers.solve_highs`, a program of few columns grows by those
     that its multipliers price below zero, until none is.
-
-    Returns:
-        t, and all columns of the last program, with which the next direction may begin.
     """
-    import highspy
 
-    highs = highs_solver()
-    chosen = columns
-    start, index, value = eq.columns(chosen)
-    pull = np.zeros((len(eq.free), 6))
-    pull[:, :3] = direction
-    rows = np.flatnonzero(pull.ravel()).astype(np.int32)
-    start = np.append(start, start[-1] + len(rows)).astype(np.int32)
-    index = np.append(index, rows).astype(np.int32)
-    value = np.append(value, pull.ravel()[rows])
-    t_column = len(chosen)
-    cost = np.zeros(t_column + 1)
-    cost[t_column] = -1.0
-    pass_program(highs, eq, start, index, value, cost=cost)
-    highs.changeColBounds(t_column, 0.0, most)
-    positions = [chosen]
-    for _ in range(_ROUNDS):
-        highs.run()
-        if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-            break
-        solution = highs.getSolution()
-        x = np.asarray(solution.col_value)
-        used = np.concatenate(positions)
-        t = float(x[t_column])
-        if t >= most:
-            return most, used
-        gain = eq.work(np.asarray(solution.row_dual))
-        gain[used] = 0.0
-        entering = np.argsort(gain)[-_ENTERING:]
-        entering = entering[gain[entering] > 1e-9]
-        if not len(entering):
-            return t, used
-        start, index, value = eq.columns(entering)
-        n = len(entering)
-        highs.addCols(n, np.zeros(n), np.zeros(n), np.full(n, np.inf), len(value), start[:-1], index, value)
-        positions.append(entering)
-    return _bisect_pull(eq, direction, most), columns
+    def __init__(self, eq: Equilibrium, columns: IntArray) -> None:
+        """Begin without a load.
+
+        Args:
+            eq: the pile.
+            columns: to begin with; those of :attr:`Solution.basis` of the pile without a load will do.
+        """
+        self._eq = eq
+        self._highs = new_solver()
+        self._used = np.zeros(eq.n_columns, dtype=bool)
+        self._used[columns] = True
+        pass_program(self._highs, eq, *eq.columns(columns))
+
+    @property
+    def columns(self) -> IntArray:
+        """All that take part by now; a larger pile's program may begin with them."""
+        return np.flatnonzero(self._used)
+
+    def largest(self, load: FloatArray, most: float) -> float:
+        """Largest t, up to ``most``, at which the pile stands with t · ``load`` on it.
+
+        Args:
+            load: (6 n,) forces and torques on the free items, in row units.
+            most: t is not followed beyond this.
+        """
+        import highspy
+
+        highs, eq = self._highs, self._eq
+        rows = np.flatnonzero(load).astype(np.int32)
+        t_column = highs.getNumCol()
+        highs.addCol(-1.0, 0.0, most, len(rows), rows, load[rows])
+        try:
+            for _ in range(_ROUNDS):
+                highs.run()
+                if highs.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+                    break
+                t = -float(highs.getObjectiveValue())
+                if t >= most:
+                    return most
+                gain = eq.work(np.asarray(highs.getSolution().row_dual))
+                gain[self._used] = 0.0
+                entering = np.argsort(gain)[-_ENTERING:]
+                entering = entering[gain[entering] > 1e-9]
+                if not len(entering):
+                    return t
+                start, index, value = eq.columns(entering)
+                n = len(entering)
+                highs.addCols(
+                    n, np.zeros(n), np.zeros(n), np.full(n, np.inf), len(value), start[:-1], index, value
+                )
+                self._used[entering] = True
+            return _bisect_load(eq, load, most)
+        finally:
+            highs.changeColCost(t_column, 0.0)
+            highs.changeColBounds(t_column, 0.0, 0.0)
 
 
-def _bisect_pull(eq: Equilibrium, direction: FloatArray, most: float) -> float:
+def _bisect_load(eq: Equilibrium, load: FloatArray, most: float) -> float:
     """The same by asking whether the pile stands, where the linear program failed; from below."""
+
+    def stands(t: float) -> bool:
+        return solve_highs(eq.with_rhs(eq.rhs - t * load)).status == "stable"
+
+    if stands(most):
+        return most
     low, high = 0.0, most
     while high - low > 1e-4:
         middle = (low + high) / 2.0
-        if solve_highs(eq.tilted(middle * direction)).status == "stable":
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if stands(middle) else (low, middle)
     return low

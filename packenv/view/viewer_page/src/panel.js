@@ -18,19 +18,20 @@ function words(value) {
 
 const label = (key) => (/^[a-z0-9_]+$/.test(key) ? key.replaceAll('_', ' ') : key);
 
-/** A table of figures. A value may again be a table or a list. */
-export function figures(record) {
+/** A table of figures. A value may again be a table or a list; notes say what a label means. */
+export function figures(record, notes = {}) {
   const list = element('dl', { class: 'figures' });
   for (const [key, value] of Object.entries(record)) {
+    const note = Object.hasOwn(notes, key) ? { title: notes[key] } : {};
     if (value !== null && typeof value === 'object') {
       const plain = Array.isArray(value) && value.every((part) => part === null || typeof part !== 'object');
       if (plain) {
-        list.append(element('dt', {}, label(key)), element('dd', {}, value.map(words).join(', ') || '–'));
+        list.append(element('dt', note, label(key)), element('dd', {}, value.map(words).join(', ') || '–'));
       } else {
         list.append(element('dt', { class: 'heading' }, label(key)), element('dd', { class: 'wide' }, figures(value)));
       }
     } else {
-      list.append(element('dt', {}, label(key)), element('dd', {}, words(value)));
+      list.append(element('dt', note, label(key)), element('dd', {}, words(value)));
     }
   }
   return list;
@@ -44,7 +45,8 @@ export class Panel {
     $('items').append(...this.rows.map(({ host }) => host));
     $('items-count').textContent = `${data.steps.length} placed`;
     for (const [term, value] of data.summary) {
-      $('summary').append(element('div', {}, element('dt', {}, term), element('dd', {}, value)));
+      const note = Object.hasOwn(data.notes, term) ? { title: data.notes[term] } : {};
+      $('summary').append(element('div', note, element('dt', {}, term), element('dd', {}, value)));
     }
     $('leftovers-section').hidden = data.leftovers.length === 0;
     $('leftovers-count').textContent = String(data.leftover_count);
@@ -95,7 +97,7 @@ export class Panel {
       row.eye.setAttribute('aria-label', `${hidden ? 'Show' : 'Hide'} ${name}`);
       row.eye.title = hidden ? 'Show' : 'Hide';
       if (current && !row.detail) {
-        row.detail = figures(this.data.steps[index].figures);
+        row.detail = figures(this.data.steps[index].figures, this.data.notes);
         row.host.append(row.detail);
       } else if (!current && row.detail) {
         row.detail.remove();
