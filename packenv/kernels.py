@@ -43,13 +43,13 @@ class _Kernel(CPUDispatcher):
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function, targetoptions=options)
-        self._compiler._customize_flags = _Flags
+        self._compiler._customize_flags = _Flags  # type: ignore[attr-defined]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """The callee's types in a call from another compiled function."""
         return super().get_call_template(tuple(map(_widened, args)), {k: _widened(v) for k, v in kws.items()})
 
-    def compile(self, sig: object) -> Any:
+    def compile(self, sig: Any) -> Any:
         """Compile without collections of garbage, which take a seventh of the time."""
         enabled = gc.isenabled()
         gc.disable()
@@ -70,14 +70,14 @@ class _Flags(Flags):
     __slots__ = ("_known",)
 
     def __init__(self, flags: Flags) -> None:
-        super().__init__(flags)
+        super().__init__(flags)  # type: ignore[no-untyped-call]
         self._known: tuple[dict[str, Any], dict[str, Any], int] | None = None
 
     def __hash__(self) -> int:
         return self._all()[2]
 
     def __eq__(self, other: object) -> bool:
-        return self.values() == other.values() if isinstance(other, Flags) else NotImplemented
+        return self.values() == other.values() if isinstance(other, Flags) else NotImplemented  # type: ignore[no-untyped-call]
 
     def values(self) -> dict[str, Any]:
         """The value of each option."""
@@ -86,14 +86,14 @@ class _Flags(Flags):
     def _all(self) -> tuple[dict[str, Any], dict[str, Any], int]:
         known = self._known
         if known is None or known[0] != self._values:
-            values = super().values()
+            values = super().values()  # type: ignore[no-untyped-call]
             known = self._known = (dict(self._values), values, hash(tuple(sorted(values))))
         return known
 
 
 def _widened(kind: Any) -> Any:
     """The type that a scalar argument is compiled for: no constants, and one kind of integer."""
-    kind = types.unliteral(kind)
+    kind = types.unliteral(kind)  # type: ignore[no-untyped-call]
     return types.int64 if isinstance(kind, types.Integer) else kind
 
 
@@ -147,7 +147,7 @@ def _kept(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
         dispatcher = _Kernel(function, {**always, **options})
         with contextlib.suppress(RuntimeError):  # no folder can be written: compiled in each process
             # As its enable_caching() does.
-            dispatcher._cache = _FrozenCache(function)  # type: ignore[no-untyped-call]
+            dispatcher._cache = _FrozenCache(function)  # type: ignore[attr-defined,no-untyped-call]
         return dispatcher
 
     return compile_and_keep

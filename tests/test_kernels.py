@@ -105,3 +105,15 @@ def test_where_no_folder_can_be_written_each_process_compiles(monkeypatch: pytes
 
     monkeypatch.setattr(kernels, "_FrozenCache", nowhere)
     assert kernels.compiled(lambda x: x + 1.0)(1.0) == 2.0
+
+
+def test_constants_in_calls_share_one_code() -> None:
+    """Numba alone compiles a callee for each of them; what is computed stays the same."""
+
+    @kernels.compiled
+    def power(x, n):  # type: ignore[no-untyped-def]
+        return x**n + n
+
+    both = kernels.compiled(lambda x: power(x, 2) + power(x, 3))
+    assert both(3.0) == 9.0 + 2 + 27.0 + 3
+    assert len(power.signatures) == 1

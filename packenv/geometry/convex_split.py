@@ -217,7 +217,7 @@ def _cuts(
         fractions: (f,) of the piece's extent, where planes are tried.
     """
     reflex, how_long = _reflex_points(wire.vertices, wire.faces)
-    found = []
+    found: list[_Cut] = []
     for normal in _directions(axes, void, weight, wire.vertices):
         along = wire.vertices @ normal
         low, high = float(along.min()), float(along.max())

@@ -169,14 +169,14 @@ def fewer_vertices(points: FloatArray, limit: int, error: float) -> FloatArray:
             continue
         apart[chosen] = 0.0
         more = min(1 + len(chosen) // _AT_ONCE, limit - len(chosen))
-        farthest = _farthest(outer, planes, apart, more)
-        if apart[farthest[0]] <= error:
+        outside = [k for k in _farthest(outer, planes, apart, more) if apart[k] > error]
+        if not outside:
             break
-        chosen += [int(k) for k in farthest if apart[k] > error]
+        chosen += outside
     return hull_of(outer[chosen]).vertices
 
 
-def _farthest(points: FloatArray, planes: FloatArray, apart: FloatArray, count: int) -> IntArray:
+def _farthest(points: FloatArray, planes: FloatArray, apart: FloatArray, count: int) -> list[int]:
     """The points that are farthest outside of a hull, each outside of a plane of its own, the farthest first.
 
     Args:
@@ -208,6 +208,6 @@ def _farthest(points: FloatArray, planes: FloatArray, apart: FloatArray, count: 
                 used.add(int(known[k]))
                 found.append(int(k))
                 if len(found) == count:
-                    return np.array(found)
+                    return found
         if done == len(order):
-            return np.array(found)
+            return found

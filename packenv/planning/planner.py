@@ -12,6 +12,8 @@ from packenv.planning.packing_pass import PackingPass, PassRules
 from packenv.planning.variants import is_hollow, side_by_side
 from packenv.types import Container
 
+_SOME = 3
+"""Makeshift placements of a trial for which a further pass is worth its time."""
 _LARGE = 0.1
 """Share of the container that a hollow item takes, with what is in it, before its pose is worth a pass of its own."""
 
@@ -64,6 +66,8 @@ class Planner(PassRules):
         for k in range(strategy.restarts):
             if self.until.passed:
                 return best
+            if strategy.trial and len(last.makeshift) > _SOME:
+                break
             late = list(last.lost)
             # Once: it costs a whole plan.
             late += last.makeshift if k == 0 else ()

@@ -136,3 +136,16 @@ def test_parts_beside_a_mesh_are_found_in_a_table_and_without_one(shelf):
     assert bare.names == ("ball", "mug")
     assert bare.parts_file("mug") == shelf / "mug.parts.obj"
     assert bare.parts_file("ball") is None
+
+
+def test_meshes_that_are_not_kept_are_read_again() -> None:
+    """A catalogue with room for one mesh hands out the same items as one that keeps them all."""
+    kept, forgetful = open_catalogue("builtin"), open_catalogue("builtin", item_memory=1)
+    first, second = kept.names[:2]
+    item = forgetful.item(first)
+    assert forgetful.item(first) is item
+    assert forgetful.item(second).sha256 == kept.item(second).sha256
+    again = forgetful.item(first)
+    assert again is not item
+    assert kept.item(first) is kept.item(first)
+    assert (again.sha256, again.mass) == (item.sha256, item.mass) == (kept.item(first).sha256, item.mass)
