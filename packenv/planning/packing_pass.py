@@ -47,6 +47,10 @@ _TIPS = 0.03
 
 _SPACIOUS = 0.6
 """Share of a container above which the items' bounding boxes hardly ever fit with room to spare."""
+_WAITING = 0.5
+"""Share of an order that may wait for the fallback of a trial."""
+_MAKESHIFT, _SOME = 0.2, 4
+"""Share of an order that may get a makeshift place in a trial, and how many may in any case."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -166,6 +170,8 @@ class PackingPass:
                 if rejected is None:
                     held = self.planner.admission.with_item(held, piece.item)
                     del waiting[piece]
+                    if trial and len(self.makeshift) > max(_SOME, _MAKESHIFT * len(pieces)):
+                        return self.given_up(pieces, "too many items have no steady place with clearance")
                     continue
                 if (
                     self.planner.strategy.trial
@@ -180,6 +186,8 @@ class PackingPass:
                     lost[piece] = self.leftover(self.items[piece.item], piece, rejected)
                     if self.planner.give_up:
                         return self.given_up(pieces, f"{piece.item}: {lost[piece].detail}")
+            if trial and len(waiting) > _WAITING * len(pieces):
+                return self.given_up(pieces, "too many items have no steady place with clearance")
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
         return Packing(

@@ -108,11 +108,13 @@ class Portfolio:
             self.found(found[-1])
             return (packing.complete and not packing.risk) or self.until.passed
 
-        once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in members]
+        # The others look for room with their restarts: it seldom is where the first one found none.
+        briefly = (member.without_room if member.strategy.restarts else member for member in members)
+        once = [replace(member, strategy=replace(member.strategy, restarts=0)) for member in briefly]
         if not any(best_possible(member) for member in once):
             tried = zip(members, found.copy(), strict=True)
             nearest = sorted(tried, key=lambda pair: self.better(pair[1]), reverse=True)
-            restarting = (member.without_room for member, p in nearest if p.lost or p.makeshift)
+            restarting = (member for member, packing in nearest if packing.lost or packing.makeshift)
             any(best_possible(member) for member in restarting if member.strategy.restarts)
         return max(found, key=self.better)
 
