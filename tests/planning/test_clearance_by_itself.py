@@ -98,17 +98,18 @@ def test_clearance_costs_no_item(seed: int, size: float) -> None:
     assert min(counts) == counts[-1]
 
 
-def test_a_full_box_is_not_tried_with_room(shelf: ItemShelf) -> None:
-    """Where the items' boxes take more than three fifths of it; without clearance no planner knows of room at all."""
+def test_a_full_box_is_not_tried_with_room(shelf: ItemShelf, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the items' boxes take more than a share of it; without clearance no planner knows of room at all."""
     planner = assemble(PlanOptions("hm", grid=GRID, constraints="stability", clearance=ROOM), shelf, BOX)
-    volume = shelf.prepared["quarter"].box_volume
-    for share in (0.55, 0.65):
-        roomy = replace(BOX, height=2 * volume / share / (BOX.length * BOX.width))
-        found = planner.with_room(["quarter"] * 2, shelf.prepared, roomy)
-        assert (found is None) == (share > 0.6)
-    assert planner.without_room.with_room(["tile"], shelf.prepared, BOX) is None
+    names = ["brick", "book", "brick"]
+    taken = sum(shelf.prepared[name].box_volume for name in names) / BOX.volume
+    for share in (0.9 * taken, 1.1 * taken):
+        monkeypatch.setattr("packenv.planning.packing_pass._SPACIOUS", share)
+        found = planner.with_room(names, shelf.prepared, BOX)
+        assert (found is None) == (share < taken)
+    assert planner.without_room.with_room(names, shelf.prepared, BOX) is None
     bare = assemble(PlanOptions("hm", grid=GRID, constraints="stability"), shelf, BOX)
-    assert bare.with_room(["tile"], shelf.prepared, BOX) is None
+    assert bare.with_room(names, shelf.prepared, BOX) is None
 
 
 def test_what_may_not_stay_comes_last(shelf: ItemShelf) -> None:
