@@ -2,12 +2,12 @@
 # Each sets up its own .venv from nothing.
 
 PYTHON ?= python3
-VENV := .venv
+VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 OUT := out
 
-.PHONY: demo test lint types layers slow clean
+.PHONY: demo test physics lint types layers slow clean
 
 demo: $(VENV)/.core
 	mkdir -p $(OUT)
@@ -17,6 +17,12 @@ demo: $(VENV)/.core
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2
+
+# What comes to physics, without the packages of learning: for a Python on which MuJoCo alone is installed.
+physics: $(VENV)/.core
+	$(PIP) install --constraint constraints.txt pytest pytest-xdist hypothesis
+	$(BIN)/python -m pytest -n 2 tests/sim tests/execution tests/cli/test_execute.py tests/env/test_physics.py \
+	  tests/test_without_bullet.py
 
 slow: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 -m slow
