@@ -49,8 +49,10 @@ _SPACIOUS = 0.6
 """Share of a container above which the items' bounding boxes hardly ever fit with room to spare."""
 _WAITING = 0.5
 """Share of an order that may wait for the fallback of a trial."""
-_MAKESHIFT, _SOME = 0.2, 4
-"""Share of an order that may get a makeshift place in a trial, and how many may in any case."""
+_MAKESHIFT = 0.2
+"""Share of an order that may get a makeshift place there."""
+_FEW, _SOME = 7, 5
+"""How many may in any case wait, and get a makeshift place."""
 
 MAX_CHECKED = 100
 """N of the paper: candidates of one orientation set that are put to the constraints."""
@@ -186,7 +188,7 @@ class PackingPass:
                     lost[piece] = self.leftover(self.items[piece.item], piece, rejected)
                     if self.planner.give_up:
                         return self.given_up(pieces, f"{piece.item}: {lost[piece].detail}")
-            if trial and len(waiting) > _WAITING * len(pieces):
+            if trial and len(waiting) > max(_FEW, _WAITING * len(pieces)):
                 return self.given_up(pieces, "too many items have no steady place with clearance")
         volume = sum(self.items[p.item].volume for p in self.placements)
         share = volume / self.container.volume
