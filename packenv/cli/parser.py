@@ -138,10 +138,10 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
         elif rule.whole:
             parser.add_argument(flag, type=_count, metavar="N", help=text)
         elif rule.optional:
-            metavar = "METRES|none" if name == "clearance" else "X|none"
-            parser.add_argument(flag, type=number, metavar=metavar, help=text)
+            parser.add_argument(flag, type=number, metavar="X|none", help=text)
         else:
-            parser.add_argument(flag, type=float, metavar="X", help=text)
+            metavar = "METRES" if name == "clearance" else "X"
+            parser.add_argument(flag, type=float, metavar=metavar, help=text)
     own_constraint_option(parser)
     parser.add_argument(
         "--cell",

@@ -213,7 +213,7 @@ def make_planner(
     strict = PhysicsConstraint(physics, scratch, items.shapes, STRICT, careful_drops)
     lenient = PhysicsConstraint(physics, scratch, items.shapes, LENIENT, exact)
     inside = PhysicsConstraint(physics, scratch, items.shapes, INSIDE, exact)
-    careful, levels = with_margin(planner.constraints, MARGIN), clearances(options.room, options.grid)
+    careful, levels = with_margin(planner.constraints, MARGIN), clearances(options.clearance, options.grid)
 
     def margin(cells: int) -> Tier:
         return Tier(cells, careful, each=EACH_WITH_MARGIN, risk=_risk(cells, strict))
@@ -265,5 +265,5 @@ def make_spares(
     if options.stability != "physics":
         return ()
     quicker = replace(options, stability="cautious", restarts=min(options.restarts, 1))
-    clear = (0.0,) if options.room == 0.0 else (options.room, 0.0)
+    clear = (0.0,) if options.clearance == 0.0 else (options.clearance, 0.0)
     return tuple(assemble(replace(quicker, clearance=c), items, container, margins=margins) for c in clear)

@@ -60,8 +60,7 @@ def options_of(plan: Plan) -> PlanOptions:
         if name not in plan.settings:
             raise PlanError(f"{plan.label}: settings has no {name!r}, plan again")
     try:
-        # A plan from before there was clearance has none.
-        return PlanOptions.from_mapping({"clearance": 0.0, **plan.settings}, f"{plan.label}: settings")
+        return PlanOptions.from_mapping(plan.settings, f"{plan.label}: settings")
     except InputError as problem:
         raise PlanError(str(problem)) from None
 

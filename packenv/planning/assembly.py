@@ -241,7 +241,7 @@ def assemble(
     if options.stability == "physics":
         raise ValueError("stability is 'physics': let packenv.execution.physics_planner make the planner")
     constraints = constraints_of(options, items, container, margins=margins)
-    levels = clearances(options.room, options.grid)
+    levels = clearances(options.clearance, options.grid)
     wider = bool(constraints) or options.search == "5d"
 
     def perturbed(name: str) -> Iterator[tuple[OrientedItem, ...]]:

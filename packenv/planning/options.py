@@ -39,8 +39,6 @@ STANDS_FOR_AUTO = "hm"
 """The rule in place of it where one rule has to do: it is the paper's."""
 SINGLE_RULES = tuple(name for name in get_args(HeuristicName) if name != AUTO)
 """The built-in heuristics that are one rule."""
-ROOM = 0.006
-"""Clearance by itself, m."""
 OWN = "<own>"
 """Stands in a file for an own heuristic or constraint that no module's name leads to, such as a lambda."""
 
@@ -149,9 +147,7 @@ class PlanOptions:
             boxes, in a single one as ``items``.
         max_checked: the paper's N.
         clearance: how far an item may be off sideways at the release and still meet nothing, m, rounded up to
-            whole cells; less where it leaves an item without a place, and none where it leaves the order incomplete.
-            None takes ``ROOM`` where a robot places the items, see :attr:`room`, else 0. Under ``cautious`` the
-            order is planned with it first and, where it does not fit so, as without it. The paper: 0.
+            whole cells; less, and none in the end, where it leaves an item without a place. The paper: 0.
         rehearse: in how many worlds the plan is carried out before it is given out
             (:mod:`packenv.execution.rehearsal`).
         engine: of drops and rehearsals: PyBullet, MuJoCo, or ``auto``: PyBullet where it is installed, else MuJoCo.
@@ -257,13 +253,11 @@ class PlanOptions:
     max_checked: int = _number(
         100, "candidates of one item that are put to the constraints", whole=True, least=1, most=100_000
     )
-    clearance: float | None = _number(
-        None,
+    clearance: float = _number(
+        0.0,
         "how far an item may be off sideways at the release and still meet nothing, m; less where it would "
-        "leave an item without a place; by itself 0.006 with constraints robot, stability cautious, search 3d, method "
-        "auto or search and goal items, else 0",
+        "leave an item without a place",
         most=0.05,
-        optional=True,
     )
     rehearse: int = _number(
         0,
@@ -336,24 +330,11 @@ class PlanOptions:
             raise InputError(f"{asks}: knows convex parts alone; leave geometry mesh out")
         if self.geometry == ("parts" if self.asks_physics else "mesh"):
             object.__setattr__(self, "geometry", None)
-        if self.clearance == self._room:
-            object.__setattr__(self, "clearance", None)
 
     @property
     def asks_physics(self) -> bool:
         """Whether planning needs the physics engine."""
         return self.stability == "physics" or self.rehearse > 0
-
-    @property
-    def room(self) -> float:
-        """The clearance that is asked for, m: by itself some where a robot places items and no room is to be saved."""
-        return self._room if self.clearance is None else self.clearance
-
-    @property
-    def _room(self) -> float:
-        cautious = self.constraints == "robot" and self.stability == "cautious"
-        by_search = self.search == "3d" and self.method in ("auto", "search")
-        return ROOM if cautious and by_search and self.goal == "items" else 0.0
 
     @property
     def setup(self) -> CellSetup:
@@ -417,7 +398,7 @@ class PlanOptions:
             values["tie_break"] = getattr(self.heuristic, "c", None)
         values["own_constraints"] = [constraint_label(given) for given in self.own_constraints]
         values["cell"] = None if self.cell is None else self.cell.to_mapping()
-        values["geometry"], values["clearance"] = self.shape, self.room
+        values["geometry"] = self.shape
         return {**values, **{name: getattr(self.grid, name) for name in _GRID}}
 
 

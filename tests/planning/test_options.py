@@ -20,7 +20,6 @@ from packenv.planning.options import (
     OWN,
     PAPER,
     PRESETS,
-    ROOM,
     SINGLE_RULES,
     HeuristicName,
     PlanOptions,
@@ -107,14 +106,10 @@ def test_what_is_left_out_keeps_its_default(made: PlanOptions, data: st.DataObje
     document = made.to_mapping()
     for name in ("stability", "rehearse", "geometry", "constraints"):  # which depend on each other
         document.pop(name)
-    document.pop("clearance")  # which depends on others
     for name in data.draw(st.lists(st.sampled_from(sorted(set(document) - {"cell_size", "grid_step"})))):
         document.pop(name, None)
     again, default = PlanOptions.from_mapping(document), PlanOptions()
     for name, value in again.to_mapping().items():
-        if name == "clearance":
-            assert value == again.room
-            continue
         assert value == (document[name] if name in document else default.to_mapping()[name])
 
 
@@ -314,37 +309,6 @@ def test_every_option_has_a_rule_a_meaning_and_a_default_that_keeps_it() -> None
         assert f"{name}:" in (PlanOptions.__doc__ or "")
 
 
-@pytest.mark.parametrize(
-    ("given", "room"),
-    [
-        ({}, ROOM),
-        ({"method": "search"}, ROOM),
-        ({"rehearse": 2}, ROOM),
-        ({"constraints": "stability"}, 0.0),
-        ({"constraints": "overlap"}, 0.0),
-        ({"stability": "paper"}, 0.0),
-        ({"stability": "margin"}, 0.0),
-        ({"stability": "physics"}, 0.0),
-        ({"search": "5d"}, 0.0),
-        ({"method": "gls"}, 0.0),
-        ({"goal": "height"}, 0.0),
-        ({"goal": "robust"}, 0.0),
-        ({"goal": "box"}, 0.0),
-    ],
-)
-def test_clearance_by_itself(given: dict[str, Any], room: float) -> None:
-    """Where a robot places items and nothing asks for a full box; what is given is kept, and told in a file."""
-    options = PlanOptions(**given)
-    assert (options.clearance, options.room) == (None, room)
-    assert options.to_mapping()["clearance"] == room
-    assert PlanOptions(**given, clearance=room) == options
-    for asked in (0.0, 0.004, 0.05):
-        explicit = PlanOptions(**given, clearance=asked)
-        assert explicit.room == asked
-        assert PlanOptions.from_mapping(explicit.to_mapping()) == explicit
-    assert PlanOptions.paper(**given).room == 0.0
-
-
 def test_presets() -> None:
     assert PRESETS["default"]() == PlanOptions()
     assert PRESETS["paper"]() == PlanOptions.paper()
@@ -373,7 +337,7 @@ def test_the_paper_s_options_are_what_the_paper_says() -> None:
     assert (made.constraints, made.own_constraints) == ("robot", ())
     assert (made.stability, made.contacts, made.grasp) == ("paper", "paper", "paper")
     assert (made.search, made.sequence, made.restarts) == ("3d", "volume", 0)
-    assert (made.room, made.rehearse, made.shape, made.asks_physics) == (0.0, 0, "mesh", False)
+    assert (made.clearance, made.rehearse, made.shape, made.asks_physics) == (0.0, 0, "mesh", False)
     # What the rules of that name hold, beyond options.
     assert StabilityChecker().mu == 0.7
     assert SCALE == 1.03

@@ -1,4 +1,4 @@
-"""Clearance and steadiness where a robot places items: what fits with them has them, what does not loses nothing."""
+"""A cautious plan with clearance: what fits with room to spare has it, what does not loses nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from packenv.config import GridConfig
 from packenv.execution.planning_job import PlanningJob
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import assemble
-from packenv.planning.options import ROOM, PlanOptions
+from packenv.planning.options import PlanOptions
 from packenv.planning.packing import Packing
 from packenv.planning.planner import Planner
 from packenv.planning.search.heuristics import heuristic_named
@@ -29,6 +29,7 @@ from tests.shelf_samples import shelf_of
 
 GRID = GridConfig(cell_size=0.003, grid_step=0.015, n_poses=3, n_yaws=2)
 BOX = Container(0.24, 0.24, 0.15)
+ROOM = 0.006
 MESHES = {
     item.name: item
     for item in (
@@ -60,7 +61,7 @@ def places(packing: Packing) -> list[tuple[str, bytes, bytes]]:
 @pytest.mark.parametrize("heuristic", ["auto", "hm", "dblf"])
 def test_what_fits_with_clearance_has_it(heuristic: str, shelf: ItemShelf) -> None:
     """From the walls and from each other, wherever items stand side by side."""
-    packing = packed(shelf, ["brick", "book", "tile", "brick"], heuristic=heuristic)
+    packing = packed(shelf, ["brick", "book", "tile", "brick"], heuristic=heuristic, clearance=ROOM)
     assert packing.complete
     assert {p.details["clearance_m"] for p in packing.placements} == {ROOM}
     for k, p in enumerate(packing.placements):
@@ -81,7 +82,7 @@ def test_what_does_not_fit_with_clearance_is_planned_as_without(heuristic: str, 
     """Four of them fill the floor to 6 mm, and the box is too low for two layers."""
     low, names = Container(0.234, 0.234, 0.065), ["quarter"] * 4
     without = packed(shelf, names, low, heuristic=heuristic, clearance=0.0)
-    packing = packed(shelf, names, low, heuristic=heuristic)
+    packing = packed(shelf, names, low, heuristic=heuristic, clearance=ROOM)
     assert packing.complete
     assert places(packing) == places(without)
     assert all("clearance_m" not in p.details for p in packing.placements)
@@ -94,7 +95,7 @@ def test_clearance_costs_no_item(seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)
     names = [str(name) for name in rng.choice(sorted(MESHES), rng.integers(3, 8))]
     small = Container(0.24 * size, 0.24 * size, 0.10)
-    counts = [len(packed(shelf, names, small, clearance=c).placements) for c in (None, 0.012, 0.0)]
+    counts = [len(packed(shelf, names, small, clearance=c).placements) for c in (ROOM, 0.012, 0.0)]
     assert min(counts) == counts[-1]
 
 
