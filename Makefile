@@ -11,7 +11,7 @@ OUT := out
 
 demo: $(VENV)/.core
 	mkdir -p $(OUT)
-	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 --rehearse 3 \
+	$(BIN)/robotpack pack assets/orders/ten.csv --container 0.32x0.32x0.30 \
 	  --out $(OUT)/plan.json --html $(OUT)/plan.html --png $(OUT)/plan.png
 	$(BIN)/robotpack verify $(OUT)/plan.json
 

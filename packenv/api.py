@@ -300,7 +300,8 @@ def rehearse(
     names = [line.item for line in plan.order for _ in range(line.qty)]
     job = PlanningJob(shelf, chosen, margins=margins, watcher=watcher)
     job.load(names)
-    return _rehearsed(job, Packing.of_plan(plan), plan.order, plan.unit)
+    made = _rehearsed(job, Packing.of_plan(plan), plan.order, plan.unit)
+    return replace(made, order_source=plan.order_source)
 
 
 def plan_rest(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from packenv import api
@@ -23,6 +24,9 @@ from packenv.shipped import BUILTIN
 from packenv.types import Container, Plan
 from packenv.view.show import check_suffix, show
 from packenv.view.words import leftover_lines, piece_names, robustness_words, rule_words
+
+WORLDS = 2
+"""In how many simulated worlds a plan for the robot is carried out by itself: the nominal one, and a disturbed one."""
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,10 +53,16 @@ def run(arguments: argparse.Namespace) -> int:
         container = None if word is None else parse_container(word, boxes, arguments.unit)
     watcher = Terminal()
     rest = {"unit": arguments.unit, "watcher": watcher, "workers": arguments.workers}
-    if container is None or most == 1:
-        plans: tuple[Plan, ...] = (api.plan(order, container, catalogue, options, start=lies, **rest),)
-    else:
-        plans = api.plan_boxes(order, container, catalogue, options, boxes_max=most, **rest)
+
+    def planned(chosen: PlanOptions) -> tuple[Plan, ...]:
+        if container is None or most == 1:
+            return (api.plan(order, container, catalogue, chosen, start=lies, **rest),)
+        return api.plan_boxes(order, container, catalogue, chosen, boxes_max=most, **rest)
+
+    plans: tuple[Plan, ...] = ()
+    if most == 1 and _checks_itself(arguments, options):
+        plans = _carried_out(planned(replace(options, geometry="parts"))[0], catalogue, options, watcher)
+    plans = plans or planned(options)
     written = [_outputs(arguments, k if len(plans) > 1 else None) for k in range(1, len(plans) + 1)]
     for plan, outputs in zip(plans, written, strict=True):
         for option, path in outputs.items():
@@ -71,6 +81,28 @@ def run(arguments: argparse.Namespace) -> int:
         if len(plans) > 1:
             _report_boxes(plans)
     return 0 if all(plan.complete and _survives(plan) for plan in plans) else 1
+
+
+def _checks_itself(arguments: argparse.Namespace, options: PlanOptions) -> bool:
+    """Whether plans are carried out in simulation though nobody says so: for a robot, where it takes seconds."""
+    from packenv.sim.engines import has_engine
+
+    others = (arguments.rehearse, arguments.geometry, arguments.start, arguments.budget, arguments.plans)
+    usual = options.constraints == "robot" and options.stability == "cautious" and options.method == "auto"
+    return usual and options.goal == "items" and all(given is None for given in others) and has_engine()
+
+
+def _carried_out(
+    plan: Plan, catalogue: Catalogue, options: PlanOptions, watcher: Terminal
+) -> tuple[Plan, ...]:
+    """A plan on convex parts, or one in place of it, that was carried out; none where not all fits so."""
+    if not plan.complete:
+        watcher.remark(
+            f"not rehearsed: {len(plan.placements)} of {len(plan.placements) + len(plan.leftovers)} items have a place "
+            "on their convex parts; planned on their meshes"
+        )
+        return ()
+    return (api.rehearse(plan, catalogue, replace(options, rehearse=WORLDS), watcher=watcher),)
 
 
 def _partly_filled(arguments: argparse.Namespace) -> PartlyFilled | None:
@@ -149,7 +181,7 @@ def _report(plan: Plan, options: PlanOptions, written: Iterable[Path]) -> None:
         say(f"cell: {options.cell.label}")
     if "rehearsal_worlds" in plan.metrics:
         survived, worlds, plans = (plan.metrics[f"rehearsal_{n}"] for n in ("survived", "worlds", "plans"))
-        kept = "" if plan.made_by == "first" else f"; this one: {plan.made_by}"
+        kept = "" if plans == 1 else f"; this one: {plan.made_by}"
         head = (
             "rehearsed: success" if _survives(plan) else "FAILED IN REHEARSAL, do not carry it out: success"
         )

@@ -179,7 +179,7 @@ def pack_rehearsed(
         start: what the container holds already; empty where None.
         spares: planners that are cheap to ask.
         until: no further plan is made, and none rehearsed further, after it; one is rehearsed in one world at least.
-        report: is told of every plan, a line each.
+        report: is told of every plan but a first one that survives, a line each.
     """
     search = _Search(list(sequence), items, rehearsal, start, until, report)
     planner, spares = replace(planner, until=until), [replace(spare, until=until) for spare in spares]
@@ -208,6 +208,14 @@ class _Tried:
     def released(self) -> int:
         """How many items were released, in all worlds."""
         return sum(not outcome.collided for e in self.executions.values() for outcome in e.items)
+
+
+def _same(one: Packing, other: Packing) -> bool:
+    """Whether two plans put the same items at the same poses in the same sequence."""
+    return len(one.placements) == len(other.placements) and all(
+        a.item == b.item and np.array_equal(a.position, b.position) and np.array_equal(a.rotation, b.rotation)
+        for a, b in zip(one.placements, other.placements, strict=True)
+    )
 
 
 @dataclass(eq=False)
@@ -241,6 +249,9 @@ class _Search:
         found = _Tried(how, packing)
         self.tried.append(found)
         words = f"plan {len(self.tried)} ({how}), {packing.words}"
+        if any(_same(packing, other.packing) for other in self.tried[:-1]):
+            self.report(f"{words}: the same as one before")
+            return False
         if self.most() > len(packing.placements):
             self.report(f"{words}: fewer items than another one")  # so it cannot win
             return False
@@ -254,7 +265,8 @@ class _Search:
                 self.report(f"{words}: fails in world {count + 1} of {len(self._worlds)}: {execution.detail}")
                 self._worlds.insert(0, self._worlds.pop(count))
                 return False
-        self.report(f"{words}: survives all {len(self._worlds)} worlds")
+        if len(self.tried) > 1:
+            self.report(f"{words}: survives all {len(self._worlds)} worlds")
         found.nothing_to_improve = not packing.improvable
         return found.nothing_to_improve
 

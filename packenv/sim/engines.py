@@ -14,6 +14,11 @@ _PACKAGES = {"bullet": "pybullet", "mujoco": "mujoco"}
 """The package of each engine, in the sequence in which ``auto`` takes them."""
 
 
+def has_engine() -> bool:
+    """Whether any engine is installed."""
+    return any(map(_installed, _PACKAGES.values()))
+
+
 def engine_config(name: str = "auto") -> EngineConfig:
     """The settings of an engine.
 

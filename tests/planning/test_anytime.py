@@ -283,6 +283,7 @@ def test_after_the_deadline_one_plan_is_made_and_no_restart() -> None:
     assert len(made) > len(alone.members)
 
 
-def test_physics_takes_no_budget() -> None:
-    with pytest.raises(rp.InputError, match="budget and plans"):
-        PlanOptions(stability="physics", budget=10.0)
+def test_physics_takes_seconds_and_no_number_of_plans() -> None:
+    assert PlanOptions(stability="physics", budget=10.0).budget == 10.0
+    with pytest.raises(rp.InputError, match="stability physics makes one plan"):
+        PlanOptions(stability="physics", plans=10)
