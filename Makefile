@@ -1,4 +1,4 @@
-# `make demo` packs a ten-item order, in two simulated worlds too, and audits the plan; `make test` runs the tests.
+# `make demo` packs a ten-item order, in three simulated worlds too, and audits the plan; `make test` runs the tests.
 # Each sets up its own .venv from nothing.
 
 PYTHON ?= python3

@@ -41,6 +41,7 @@ def options(description: str, *, orders: int, out: str) -> argparse.ArgumentPars
     parser.add_argument("--items", type=int, default=10, help="items an order (default: %(default)s)")
     parser.add_argument("--small", action="store_true", help="orders of three to five items instead")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true", help="JSON alone, as it always is; taken for scripts")
     parser.add_argument(
         "--engine", choices=get_args(EngineName), default="auto", help="of executions (default: %(default)s)"
     )

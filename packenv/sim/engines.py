@@ -6,6 +6,7 @@ import platform
 import sys
 from importlib.util import find_spec
 
+from packenv.config import EngineName
 from packenv.errors import PhysicsError
 from packenv.quiet import engine_muted
 from packenv.sim.engine import EngineConfig
@@ -14,9 +15,10 @@ _PACKAGES = {"bullet": "pybullet", "mujoco": "mujoco"}
 """The package of each engine, in the sequence in which ``auto`` takes them."""
 
 
-def has_engine() -> bool:
-    """Whether any engine is installed."""
-    return any(map(_installed, _PACKAGES.values()))
+def is_there(name: EngineName) -> bool:
+    """Whether an engine is installed; ``auto`` is where any is."""
+    names = _PACKAGES if name == "auto" else (name,)
+    return any(_installed(_PACKAGES[known]) for known in names)
 
 
 def engine_config(name: str = "auto") -> EngineConfig:

@@ -36,7 +36,7 @@ def packed(
 def test_it_is_rehearsed_on_convex_parts_and_says_nothing_of_success(
     shelf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plan, told = packed(shelf, capsys)
+    plan, told = packed(shelf, capsys, size="0.32x0.32x0.30")
     assert plan["metrics"]["rehearsal_worlds"] == plan["metrics"]["rehearsal_survived"] == WORLDS
     assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (WORLDS, "parts")
     assert told == ""
