@@ -78,13 +78,14 @@ def test_the_lines_of_the_docstring_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        ([], {}),
+        (["--rehearse", "0"], {}),
+        (["--rehearse", "2"], {"rehearse": 2}),
         (["--constraints", "overlap", "--heuristic", "random", "--seed", "3"],
          {"constraints": "overlap", "heuristic": "random", "seed": 3}),
         (["--preset", "paper", "--constraints", "stability", "--max-checked", "7", "--tie-break", "0.5"],
          {"constraints": "stability", "max_checked": 7, "tie_break": 0.5}),
     ],
-    ids=["default", "overlap", "paper"],
+    ids=["default", "rehearsed", "overlap", "paper"],
 )  # fmt: skip
 def test_a_script_plans_as_the_command_line_does(
     flags: list[str], words: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]

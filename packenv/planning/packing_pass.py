@@ -176,9 +176,10 @@ class PackingPass:
                         return self.given_up(pieces, "too many items have no steady place with clearance")
                     continue
                 if (
-                    self.planner.strategy.trial
+                    trial
                     and not k
                     and not self.fits(self.orientations(piece.item), self.pile.surface)
+                    and self.fits_alone(piece.item)
                 ):
                     return self.given_up(pieces, f"{piece.item} fits nowhere, and heights only grow")
                 waiting[piece] = rejected

@@ -106,7 +106,7 @@ class Planner(PassRules):
         container: Container,
         start: Pile | None = None,
     ) -> Packing | None:
-        """The packing of all items with room to spare; None where there is none, or none is asked for.
+        """The packing with room to spare of all items that fit at all; None without one, and where none is asked for.
 
         Its risk has done its part, and is told as none: no packing without room is better for having no such risk.
 
@@ -122,7 +122,7 @@ class Planner(PassRules):
         # Whoever wants no restart wants the sequence as it is.
         roomy = replace(roomy, restarts=min(roomy.restarts, self.strategy.restarts))
         found = replace(self, strategy=roomy).pack(sequence, items, container, start)
-        if not found.complete:
+        if found.lost or not found.placements:
             return None
         return replace(found, makeshift=(), risk=0.0)
 

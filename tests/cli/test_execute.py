@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (folder / "order.csv").write_text("item,qty\nbrick,1\nbook,1\ncan,1\n")
     for constraints in ("robot", "overlap"):
-        options = ["--catalogue", folder, "--container", SIZE, "--constraints", constraints]
+        options = ["--catalogue", folder, "--container", SIZE, "--constraints", constraints, "--rehearse", 0]
         out = folder / f"{constraints}.json"
         assert main(["pack", *map(str, [folder / "order.csv", *options, "--out", out])]) == 0
     return folder
