@@ -100,7 +100,8 @@ def test_a_script_plans_as_the_command_line_does(
     assert document(planned) == printed
     assert document(rp.plan(order, BOX, str(folder), options, **words)) == printed
     made_by = "minz" if planned.settings["heuristic"] == "auto" else "planner"
-    assert planned.made_by == printed["made_by"] == made_by
+    assert planned.made_by == printed["made_by"]
+    assert planned.made_by == made_by or "rehearse" in words  # which may choose another one
     assert planned.settings == PlanOptions.from_mapping(printed["settings"]).to_mapping()
 
 
