@@ -26,12 +26,10 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from experiments.execution import COLUMNS, figures, mean_moves
 from experiments.physics_orders import Worker
 from experiments.planned_orders import PlanJob, planned_row, run
-from experiments.pose_gap import pose_gap
+from experiments.pose_gap import pose_gap, spread_mm
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
@@ -88,13 +86,7 @@ def _world(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
             {"index": row["index"], **{engine: row[engine]["detail"] for engine in ENGINES}}
             for row in different
         ],
-        "apart_mm": {
-            "median": float(np.median(apart)),
-            "p95": float(np.quantile(apart, 0.95)),
-            "max": max(apart),
-        }
-        if apart
-        else None,
+        "apart_mm": spread_mm(apart),
     }
 
 

@@ -40,12 +40,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from experiments.execution import figures
 from experiments.physics_orders import Worker
 from experiments.planned_orders import PlanJob, planned_row, run
-from experiments.pose_gap import pose_gap
+from experiments.pose_gap import pose_gap, spread_mm
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
@@ -107,18 +105,13 @@ def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
             {"index": row["index"], "early": row["early"]["detail"], "full": row["full"]["detail"]}
             for row in different
         ],
-        "apart_mm": None,
+        "apart_mm": spread_mm(apart),
         "apart_share_1mm": None,
         "wanderers": dict(_wanderers(agreed).most_common()),
         "cpu_saved": 1.0 - spent["early"] / spent["full"],
         "restless_early": sum(row["early"]["success"] and not row["early"]["at_rest"] for row in tried),
     }
     if apart:
-        report["apart_mm"] = {
-            "median": float(np.median(apart)),
-            "p95": float(np.quantile(apart, 0.95)),
-            "max": max(apart),
-        }
         report["apart_share_1mm"] = statistics.mean(d <= 1e3 * _APART for d in apart)
     for mode in ("early", "full"):
         found = [row[mode] for row in tried]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from packenv.sim.physics_items import PhysicsItem
@@ -17,3 +19,10 @@ def pose_gap(item: PhysicsItem, a: Pose, b: Pose) -> float:
     (r0, p0), (r1, p1) = (item.body_pose(*pose) for pose in (a, b))
     points = item.ball_centre[None] if item.radius > 0.0 else np.concatenate(item.parts)
     return float(np.linalg.norm(points @ (r0 - r1).T + (p0 - p1), axis=1).max())
+
+
+def spread_mm(gaps: Sequence[float]) -> dict[str, float] | None:
+    """``median``, ``p95`` and ``max`` of some gaps in mm; None where there are none."""
+    if not gaps:
+        return None
+    return {"median": float(np.median(gaps)), "p95": float(np.quantile(gaps, 0.95)), "max": max(gaps)}

@@ -91,7 +91,7 @@ def _checks_itself(arguments: argparse.Namespace, options: PlanOptions) -> bool:
     from packenv.sim.engines import is_there
 
     others = (arguments.rehearse, arguments.geometry, arguments.start, arguments.budget, arguments.plans)
-    if not is_there(ENGINE if options.engine == "auto" else options.engine):
+    if not is_there(_engine_of(options)):
         return False
     usual = options.constraints == "robot" and options.stability == "cautious" and options.method == "auto"
     return usual and options.goal == "items" and all(given is None for given in others)
@@ -107,8 +107,13 @@ def _carried_out(
             "on their convex parts; planned on their meshes"
         )
         return ()
-    engine = ENGINE if options.engine == "auto" else options.engine
-    return (api.rehearse(plan, catalogue, replace(options, rehearse=WORLDS, engine=engine), watcher=watcher),)
+    rehearsing = replace(options, rehearse=WORLDS, engine=_engine_of(options))
+    return (api.rehearse(plan, catalogue, rehearsing, watcher=watcher),)
+
+
+def _engine_of(options: PlanOptions) -> EngineName:
+    """In which engine a plan is carried out by itself."""
+    return ENGINE if options.engine == "auto" else options.engine
 
 
 def _partly_filled(arguments: argparse.Namespace) -> PartlyFilled | None:

@@ -16,9 +16,8 @@ _PACKAGES = {"bullet": "pybullet", "mujoco": "mujoco"}
 
 
 def is_there(name: EngineName) -> bool:
-    """Whether an engine is installed; ``auto`` is where any is."""
-    names = _PACKAGES if name == "auto" else (name,)
-    return any(_installed(_PACKAGES[known]) for known in names)
+    """Whether an engine, ``bullet`` or ``mujoco``, is installed."""
+    return _installed(_PACKAGES[name])
 
 
 def engine_config(name: str = "auto") -> EngineConfig:

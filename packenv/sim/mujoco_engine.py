@@ -79,7 +79,6 @@ class MujocoEngine(Engine):
 
     def __init__(self, config: MujocoConfig, rolling: float) -> None:
         """Begin with nothing."""
-        self.config, self._rolling = config, rolling
         self._spec = _spec(config)
         self._bodies: dict[int, _Body] = {}
         self._parked: dict[object, list[_Body]] = {}
