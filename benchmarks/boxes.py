@@ -21,14 +21,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.orders import fitting, small_orders
-from benchmarks.runs import finish, product_code
-from benchmarks.shelf import open_shelf
 from packenv.cli.exit_codes import reported
 from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.execution.planning_job import PlanningJob
 from packenv.execution.smallest_box import pack_smallest
+from packenv.experiments.finish import finish, product_code
+from packenv.experiments.orders import fitting, small_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
 from packenv.items.plan_maker import make_plan

@@ -47,11 +47,11 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.shelf import open_shelf
 from packenv import api
 from packenv.config import GridConfig
 from packenv.execution.physics_planner import CAREFUL, STRICT
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions

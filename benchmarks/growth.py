@@ -1,6 +1,6 @@
 """How planning time grows with the order: ``python -m benchmarks.growth [--catalogue DIR] [--svg FILE]``.
 
-For each size, orders of so many items, drawn as :mod:`benchmarks.orders` does (with repetition beyond the
+For each size, orders of so many items, drawn as :mod:`packenv.experiments.orders` does (with repetition beyond the
 catalogue), are planned in one pass, without restarts. ``cpu_s`` are CPU-seconds of whole plans, surfaces and maps read
 before; ``check_ms`` are those of single questions to the stability checker, in a second run of the first order, for
 asking the time has its price. ``--svg`` draws the medians over the sizes.
@@ -22,11 +22,11 @@ from unittest import mock
 
 from tqdm import tqdm
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.shelf import open_shelf
 from packenv.cli.pack import options_from
 from packenv.cli.parser import planning_options
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.planning.stability.checker import StabilityChecker
 from packenv.types import Contacts, Container

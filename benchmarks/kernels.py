@@ -17,9 +17,9 @@ import time
 
 import numpy as np
 
-from benchmarks.orders import random_orders
-from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
+from packenv.experiments.orders import random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.planning.planner import Planner, by_box_volume
 from packenv.planning.search.candidates import grid_search
 from packenv.planning.search.container_map import ContainerMap

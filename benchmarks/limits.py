@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 import packenv as rp
-from benchmarks.orders import random_orders
+from packenv.experiments.orders import random_orders
 from packenv.limits import NO_LIMITS, ItemLimits
 from packenv.types import Order, OrderLine
 

@@ -25,9 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.planning.manipulation.checker import ManipulationChecker
 from packenv.planning.manipulation.grasps import Grasp, generate_grasps

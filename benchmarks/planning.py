@@ -27,11 +27,11 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import reference
-from benchmarks.orders import fitting, random_orders
-from benchmarks.shelf import open_shelf
 from packenv.cli.pack import options_from
 from packenv.cli.parser import planning_options
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.items.cache import ItemCache
 from packenv.items.catalogue import open_catalogue

@@ -25,15 +25,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.runs import finish, product_code
-from benchmarks.shelf import open_shelf
 from packenv.agents.summary import mean, proportion
 from packenv.cli.exit_codes import reported
 from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.finish import finish, product_code
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key

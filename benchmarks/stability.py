@@ -23,10 +23,10 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.orders import fitting, random_orders
 from benchmarks.settling_reference import reference_motion
-from benchmarks.shelf import open_shelf
 from packenv.config import GridConfig
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.planning.planner import Planner, by_box_volume
 from packenv.planning.search.heuristics import HEURISTICS

@@ -26,16 +26,17 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from experiments.execution import COLUMNS, figures, mean_moves
-from experiments.physics_orders import Worker
-from experiments.planned_orders import PlanJob, planned_row, run
-from experiments.pose_gap import pose_gap, spread_mm
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
 from packenv.robot.files import default_cell
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
+
+from .execution import COLUMNS, figures, mean_moves
+from .physics_orders import Worker
+from .planned_orders import PlanJob, planned_row, run
+from .pose_gap import pose_gap, spread_mm
 
 ENGINES = ("bullet", "mujoco")
 WORLDS = ("nominal", "disturbed")

@@ -40,16 +40,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.execution import figures
-from experiments.physics_orders import Worker
-from experiments.planned_orders import PlanJob, planned_row, run
-from experiments.pose_gap import pose_gap, spread_mm
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.items.shelf import ItemShelf
 from packenv.sim.engines import engine_config
 from packenv.sim.session import Execution, ExecutionConfig
 from packenv.types import Plan
+
+from .execution import figures
+from .physics_orders import Worker
+from .planned_orders import PlanJob, planned_row, run
+from .pose_gap import pose_gap, spread_mm
 
 _APART = 0.001
 

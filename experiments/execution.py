@@ -15,9 +15,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.runs import finish
-from experiments.physics_orders import GRID, Worker, drawn_orders, options, prepare
-from experiments.plan_store import fingerprints
 from packenv.cli.exit_codes import reported
 from packenv.execution.execute import execute
 from packenv.io.rows import row_key
@@ -26,6 +23,10 @@ from packenv.sim.disturbance import Disturbance
 from packenv.sim.session import Execution, feeling
 from packenv.types import Item, Plan
 from packenv.version import __version__
+
+from .finish import finish
+from .physics_orders import GRID, Worker, drawn_orders, options, prepare
+from .plan_store import fingerprints
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import get_args
 
-from benchmarks.orders import fitting, random_orders, small_orders
-from benchmarks.shelf import open_shelf
-from experiments.plan_store import PlanStore
 from packenv.config import EngineName, GridConfig
 from packenv.robot.files import default_cell
 from packenv.sim.session import ExecutionConfig
 from packenv.types import Container
+
+from .orders import fitting, random_orders, small_orders
+from .plan_store import PlanStore
+from .shelf import open_shelf
 
 GRID = GridConfig()
 BOX = Container(0.32, 0.32, 0.30)

@@ -11,13 +11,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.runs import finish
-from experiments.execution import COLUMNS
-from experiments.physics_orders import GRID, Worker, drawn_orders, options, prepare
-from experiments.plan_store import fingerprints
 from packenv.io.rows import row_key
 from packenv.types import Plan
 from packenv.version import __version__
+
+from .execution import COLUMNS
+from .finish import finish
+from .physics_orders import GRID, Worker, drawn_orders, options, prepare
+from .plan_store import fingerprints
 
 _TIMEOUT = 3600.0
 

@@ -20,15 +20,16 @@ from typing import Any, get_args
 
 import numpy as np
 
-from benchmarks.runs import finish, product_code
-from experiments.physics_orders import GRID, Worker, drawn_orders, options, prepare
-from experiments.plan_store import fingerprints
 from packenv.cli.exit_codes import reported
 from packenv.config import EngineName
 from packenv.execution.execute import execute
 from packenv.io.rows import row_key
 from packenv.planning.options import PlanOptions
 from packenv.planning.robustness import least_of, measure_robustness
+
+from .finish import finish, product_code
+from .physics_orders import GRID, Worker, drawn_orders, options, prepare
+from .plan_store import fingerprints
 
 CLEARANCES = (0.0, 0.005)
 """M."""

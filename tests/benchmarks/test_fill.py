@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks import fill as bench
 from benchmarks.fill import FIGURES, fill, sequences, waste
-from benchmarks.shelf import open_shelf
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.shelf import open_shelf
 from packenv.planning.options import PlanOptions
 from packenv.planning.trails import on_stable_poses
 from packenv.types import Container

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import large_piles as bench
 from benchmarks.large_piles import WAYS, Job, piles, prepare, summarize, work
-from benchmarks.shelf import open_shelf
+from packenv.experiments.shelf import open_shelf
 from packenv.planning.stability.equilibrium import residuals
 from packenv.types import Container
 

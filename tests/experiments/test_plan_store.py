@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from benchmarks.shelf import open_shelf
-from experiments import execution
-from experiments.plan_store import PlanStore, fingerprints
 from packenv import api
 from packenv.cli import main
+from packenv.experiments import execution
+from packenv.experiments.plan_store import PlanStore, fingerprints
+from packenv.experiments.shelf import open_shelf
 from packenv.io.plans import plan_to_json
 from packenv.planning.options import PlanOptions
 from packenv.types import Container

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from experiments.pose_gap import pose_gap
+from packenv.experiments.pose_gap import pose_gap
 from packenv.geometry.transforms import yaw_rotation
 from packenv.sim.world import World
 from packenv.types import Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.robustness import summarize, told
+from packenv.experiments.robustness import summarize, told
 
 
 def test_a_figure_that_tells_all_nothing_or_the_contrary():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments.runs import order_options
+from packenv.experiments.runs import order_options
 from packenv.planning.search.heuristics import HEURISTICS
 
 

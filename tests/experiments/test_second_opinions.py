@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from experiments import both_engines, early_rest
 from packenv import api
+from packenv.experiments import both_engines, early_rest
 from packenv.items.catalogue import Catalogue
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.orders import random_orders, small_orders
+from packenv.experiments.orders import random_orders, small_orders
 
 NAMES = [f"item{k}" for k in range(12)]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import packenv
-from benchmarks.runs import finish, product_code
+from packenv.experiments.finish import finish, product_code
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The reachability map behind the cell's layout: ``python -m experiments.reachability --png FILE --json``.
+"""The reachability map behind the cell's layout: ``python -m benchmarks.reachability --png FILE --json``.
 
 Three views of the same maps: which cup positions are reached, by distance and height; what share of the
 paper's container is served wherever it stands around the robot; what share of every container is served

@@ -1,6 +1,6 @@
 """Which placements stay where they are let go, and what the stability rules say of them.
 
-``python -m experiments.stability_drops --catalogue DIR --orders 14``.
+``python -m benchmarks.stability_drops --catalogue DIR --orders 14``.
 
 Random orders, largest bounding box first, each item asked at several legal places: the one that HM puts first,
 the lowest one, and random ones, so that many hang between others or lean on them. Each is released in PyBullet
@@ -33,9 +33,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.orders import fitting, random_orders
-from benchmarks.shelf import open_shelf
-from experiments.physics_orders import BOX, GRID
+from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.physics_orders import BOX, GRID
+from packenv.experiments.shelf import open_shelf
 from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import MARGIN
 from packenv.planning.constraints import Trial
@@ -191,7 +191,7 @@ def main() -> int:
         },
         "settle_ms": round(statistics.median(drop.settle_ms for drop in drops if drop.said[0]), 4),
     }
-    print(json.dumps(report, indent=1))  # noqa: T201
+    print(json.dumps(report, indent=1))
     return 0
 
 
