@@ -1,0 +1,100 @@
+"""Packed boxes: orders of three to five items in the smallest box, and orders of ten (paper Sec. V)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from packenv.io.containers import read_boxes
+from packenv.planning.options import PlanOptions
+from packenv.types import Container, Plan
+
+from ..orders import random_orders, small_orders
+from .figure import Figure, Source
+from .sheet import Panel, legend, save, sheet
+
+SHOWN = 6
+"""Pictures of a gallery."""
+_DRAWN = 18
+"""Orders that are drawn at most."""
+_SIZE = (440, 330)
+_COLUMNS = 3
+
+
+def small_gallery(source: Source) -> Figure | None:
+    """Orders of three to five items, each in the smallest of the built-in boxes that takes all of it."""
+    options = PlanOptions.paper()
+    largest = max(read_boxes(), key=lambda box: box.volume)
+    orders = small_orders(source.names(options, largest), _DRAWN, source.seed)
+    return _gallery(
+        source,
+        "small-orders",
+        "Orders of three to five items",
+        "paper Fig. 5, packing plans of 3 to 5 items",
+        orders,
+        options,
+        "auto",
+        "each in the smallest built-in box that takes all of it",
+    )
+
+
+def large_gallery(source: Source) -> Figure | None:
+    """Orders of ten items."""
+    options = PlanOptions.paper()
+    size = source.box.full_label
+    return _gallery(
+        source,
+        "large-orders",
+        "Orders of ten items",
+        "paper Fig. 6, packing plans of 10 items",
+        random_orders(source.names(options, source.box), 10, _DRAWN, source.seed),
+        options,
+        source.box,
+        f"in a box of {size}",
+    )
+
+
+def _gallery(
+    source: Source,
+    name: str,
+    title: str,
+    paper: str,
+    orders: Sequence[Sequence[str]],
+    options: PlanOptions,
+    container: Container | str,
+    where: str,
+) -> Figure | None:
+    packed: list[Plan] = []
+    left_over: list[int] = []
+    for index, order in enumerate(orders):
+        plan = source.plan(order, options, container)
+        if plan.complete:
+            packed.append(plan)
+        else:
+            left_over.append(index)
+        if len(packed) == SHOWN:
+            break
+    if not packed:
+        source.watcher.remark(f"figure {name}: is left out, for none of {len(orders)} orders was packed whole")
+        return None
+    panels = [
+        Panel(
+            source.picture(plan, _SIZE),
+            f"{plan.container.full_label}, {len(plan.placements)} items",
+            legend(plan),
+        )
+        for plan in packed
+    ]
+    drawn = len(packed) + len(left_over)
+    caption = (
+        f"{title} {where}, planned with the paper's preset (HM, all robot-packable constraints): the first "
+        f"{len(packed)} of {drawn} random orders of {source.catalogue.label} (seed {source.seed}) that were packed "
+        f"whole; {len(left_over)} of the {drawn} left something over."
+    )
+    made_of = {
+        "seed": source.seed,
+        "options": options.to_mapping(),
+        "orders": [list(order) for order in orders[:drawn]],
+        "not_packed": left_over,
+        "boxes": [plan.container.label for plan in packed],
+    }
+    return Figure(name, title, caption, save(sheet(panels, _COLUMNS), source.out, name), paper, made_of)
