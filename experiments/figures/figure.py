@@ -113,3 +113,8 @@ class Source:
         return render_image(
             scene_of(plan, self.catalogue), size=size, azimuth=azimuth, elevation=elevation
         )
+
+
+def size_words(container: Container) -> str:
+    """Inner size of a container, as people write it."""
+    return " × ".join(f"{100 * side:g}" for side in container.size) + " cm"

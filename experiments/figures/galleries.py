@@ -9,7 +9,7 @@ from packenv.planning.options import PlanOptions
 from packenv.types import Container, Plan
 
 from ..orders import random_orders, small_orders
-from .figure import Figure, Source
+from .figure import Figure, Source, size_words
 from .sheet import Panel, legend, save, sheet
 
 SHOWN = 6
@@ -29,7 +29,7 @@ def small_gallery(source: Source) -> Figure | None:
         source,
         "small-orders",
         "Orders of three to five items",
-        "paper Fig. 5, packing plans of 3 to 5 items",
+        "Fig. 5, packing plans of 3 to 5 items",
         orders,
         options,
         "auto",
@@ -40,12 +40,12 @@ def small_gallery(source: Source) -> Figure | None:
 def large_gallery(source: Source) -> Figure | None:
     """Orders of ten items."""
     options = PlanOptions.paper()
-    size = source.box.full_label
+    size = size_words(source.box)
     return _gallery(
         source,
         "large-orders",
         "Orders of ten items",
-        "paper Fig. 6, packing plans of 10 items",
+        "Fig. 6, packing plans of 10 items",
         random_orders(source.names(options, source.box), 10, _DRAWN, source.seed),
         options,
         source.box,
@@ -79,10 +79,10 @@ def _gallery(
     panels = [
         Panel(
             source.picture(plan, _SIZE),
-            f"{plan.container.full_label}, {len(plan.placements)} items",
+            _title(plan, position),
             legend(plan),
         )
-        for plan in packed
+        for position, plan in enumerate(packed, start=1)
     ]
     drawn = len(packed) + len(left_over)
     caption = (
@@ -98,3 +98,9 @@ def _gallery(
         "boxes": [plan.container.label for plan in packed],
     }
     return Figure(name, title, caption, save(sheet(panels, _COLUMNS), source.out, name), paper, made_of)
+
+
+def _title(plan: Plan, position: int) -> str:
+    """Of a picture: the box where it has a name, else which order it is."""
+    name = plan.container.name
+    return f"Order {position}" if name is None else f"Box {name}, {size_words(plan.container)}"

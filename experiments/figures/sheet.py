@@ -27,7 +27,7 @@ TEXT, FAINT, WASTE = "#28303c", "#5b6675", "#c8324f"
 
 _GAP = 14
 _TITLE, _LINE = 24, 17
-_WIDE = 6.6
+_WIDE = 7.0
 """Width of a letter of the words below a picture, px."""
 
 

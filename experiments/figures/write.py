@@ -12,14 +12,18 @@ from packenv.io.files import write_whole
 from packenv.items.catalogue import open_catalogue
 from packenv.watcher import SILENT, Watcher
 
+from .bowls import bowls
 from .figure import Figure, Source
 from .galleries import large_gallery, small_gallery
 from .sheet import check_matplotlib
+from .terrain import heightmap
 
 INDEX = "figures.json"
 """File that lists the figures."""
 
 MAKERS: dict[str, Callable[[Source], Figure | None]] = {
+    "bowls": bowls,
+    "heightmap": heightmap,
     "small-orders": small_gallery,
     "large-orders": large_gallery,
 }
