@@ -13,7 +13,7 @@ from packenv.planning.options import PlanOptions
 from packenv.planning.search.heuristics import DeepestBottomLeft
 from packenv.types import Plan
 
-from .figure import Figure, Source, size_words
+from .figure import Figure, Source, azimuth_from, size_words
 from .sheet import Panel, legend, save, sheet
 
 NAME = "bowls"
@@ -23,9 +23,9 @@ TIE_BREAK = DeepestBottomLeft().c
 """c of DBLF, in metres, with which Z comes first, as the paper describes it."""
 _NESTED = 0.6
 """A copy comes to stand less than this share of its height higher than the one that it nests in."""
-_SOLID = 0.6
+_SOLID = 0.8
 """A box fills at least this share of its bounding box."""
-_SIZE = (600, 450)
+_SIZE = (500, 440)
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,13 @@ def bowls(source: Source) -> Figure | None:
         ("default preset, all constraints", ours, ours.changed({"heuristic": "dblf"})),
     )
     plans = [
-        (f"{rule}: {words}", source.plan(order, options))
+        (f"{rule}, {words}", source.plan(order, options))
         for words, *both in rows
         for rule, options in zip(("HM", "DBLF"), both, strict=True)
     ]
     piles = [measure(source, plan) for _, plan in plans]
     panels = [
-        Panel(source.picture(plan, _SIZE, elevation=40.0), title, legend(plan), (_words(pile),))
+        Panel(source.picture(plan, _SIZE, _before_box(plan), 42.0), title, legend(plan), (_words(pile),))
         for (title, plan), pile in zip(plans, piles, strict=True)
     ]
     literal = measure(source, source.plan(order, paper.changed({"heuristic": "dblf"})))
@@ -149,6 +149,12 @@ def _floor(pile: Pile) -> str:
 
 def _words(pile: Pile) -> str:
     return (
-        f"The bowls cover {_floor(pile)} of the floor and are {pile.height * 100:.1f} cm high; "
-        f"the box's top is at {pile.box_top * 100:.1f} cm."
+        f"Bowls: {_floor(pile)} of the floor, {pile.height * 100:.1f} cm high; "
+        f"top of the box at {pile.box_top * 100:.1f} cm."
     )
+
+
+def _before_box(plan: Plan) -> float:
+    """From where the bowls are before the box, degrees."""
+    middles = np.array([p.corner[:2] + p.extents[:2] / 2 for p in plan.placements])
+    return azimuth_from(middles[:COUNT].mean(axis=0) - middles[COUNT])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ from packenv.items.catalogue import Catalogue
 from packenv.items.plan_items import shelf_for
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import PlanOptions
-from packenv.types import Container, Order, Plan
+from packenv.types import Container, FloatArray, Order, Plan
 from packenv.view.painter import Image
 from packenv.view.picture import render_image
 from packenv.view.show import scene_of
@@ -118,3 +119,9 @@ class Source:
 def size_words(container: Container) -> str:
     """Inner size of a container, as people write it."""
     return " × ".join(f"{100 * side:g}" for side in container.size) + " cm"
+
+
+def azimuth_from(side: FloatArray) -> float:
+    """Of four views, the one from the side to which a horizontal direction (2,) points, degrees."""
+    views = (-58.0, 32.0, 122.0, 212.0)
+    return max(views, key=lambda view: float(side @ [math.cos(math.radians(view)), math.sin(math.radians(view))]))

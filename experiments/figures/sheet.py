@@ -131,6 +131,17 @@ def show_picture(axes: Axes, picture: Image) -> None:
     axes.set_axis_off()
 
 
+def drawn(figure: Figure) -> Image:
+    """A figure as a picture."""
+    import numpy as np
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture: Image = np.array(canvas.buffer_rgba())[:, :, :3]
+    return picture
+
+
 def save(figure: Figure, out: Path, name: str, *, vector: bool = False) -> tuple[Path, ...]:
     """Write a figure, the same bytes every time.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from packenv.items.plan_items import surfaces_of
 from packenv.planning.options import PlanOptions
 from packenv.planning.search.container_map import ContainerMap
-from packenv.types import Plan
-from packenv.view.painter import Image
+from packenv.types import FloatArray, Plan
+from packenv.view.camera import camera_around
+from packenv.view.painter import FINE, Image, paint
+from packenv.view.surfaces import Surface, box_corners
 
 from ..orders import random_orders
 from .figure import Figure, Source, size_words
@@ -22,8 +25,11 @@ if TYPE_CHECKING:
 NAME = "heightmap"
 COUNT = 4
 _DRAWN = 12
-_SIZE = (480, 480)
+_SIZE = (490, 480)
+_WIDTH, _HEIGHT = 1500, 520
+_AZIMUTH, _ELEVATION = -58.0, 32.0
 _COLOURS = "viridis"
+_BANDS = 48
 
 
 def heightmap(source: Source) -> Figure | None:
@@ -45,7 +51,7 @@ def heightmap(source: Source) -> Figure | None:
         f"{float(surface.heights.max()) * 100:.1f} cm. Each cell holds the highest point over all of it. Planned with "
         f"the paper's preset; order {index} of seed {source.seed}."
     )
-    drawing = _draw(plan, surface, source.picture(plan, _SIZE))
+    drawing = _draw(plan, surface, source.picture(plan, _SIZE, _AZIMUTH, _ELEVATION))
     made_of = {
         "seed": source.seed,
         "orders": [list(order)],
@@ -65,6 +71,7 @@ def heightmap(source: Source) -> Figure | None:
 
 
 def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
+    from matplotlib import colormaps
     from matplotlib.figure import Figure as Drawing
     from matplotlib.patches import Patch
 
@@ -72,29 +79,95 @@ def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
     nx, ny = surface.heights.shape
     cell = 100.0 * surface.cell_size
     heights = 100.0 * surface.heights.astype(np.float64)
-    drawing = Drawing(figsize=(1500 / DPI, 520 / DPI), dpi=DPI, facecolor="white")
-    left = drawing.add_axes((10 / 1500, 30 / 520, 480 / 1500, 480 / 520))
-    show_picture(left, picture)
+    palette = (255 * colormaps[_COLOURS](np.linspace(0, 1, _BANDS))[:, :3]).round().astype(int)
+    drawing = Drawing(figsize=(_WIDTH / DPI, _HEIGHT / DPI), dpi=DPI, facecolor="white")
+    for left, shown in ((5, picture), (_WIDTH - _SIZE[0] - 5, draw_surface(surface, palette.tolist(), _SIZE))):
+        place = (left / _WIDTH, 30 / _HEIGHT, _SIZE[0] / _WIDTH, _SIZE[1] / _HEIGHT)
+        show_picture(drawing.add_axes(place), shown)
     entries = [Patch(color=colour, label=name) for colour, name in legend(plan)]
-    drawing.legend(
-        handles=entries, loc="lower left", bbox_to_anchor=(0.004, 0.0), ncols=COUNT, frameon=False, fontsize=8
-    )
-    middle = drawing.add_axes((545 / 1500, 75 / 520, 380 / 1500, 400 / 520))
-    shown = middle.imshow(
+    drawing.legend(handles=entries, loc="lower left", ncols=COUNT, frameon=False, fontsize=8.5)
+    axes = drawing.add_axes((545 / _WIDTH, 75 / _HEIGHT, 400 / _WIDTH, 400 / _HEIGHT))
+    image = axes.imshow(
         heights.T, origin="lower", extent=(0, nx * cell, 0, ny * cell), cmap=_COLOURS, interpolation="none"
     )
-    middle.set(xlim=(0, length), ylim=(0, width), xlabel="x, cm", ylabel="y, cm")
-    drawing.colorbar(shown, ax=middle, label="height, cm", shrink=0.86)
-    right = drawing.add_axes((960 / 1500, 10 / 520, 530 / 1500, 510 / 520), projection="3d")
-    x, y = np.meshgrid((np.arange(nx) + 0.5) * cell, (np.arange(ny) + 0.5) * cell, indexing="ij")
-    right.plot_surface(
-        x, y, heights, cmap=_COLOURS, rcount=nx, ccount=ny, linewidth=0, antialiased=False, rasterized=True
-    )
-    highest = max(1.0, float(heights.max()))
-    right.set(xlim=(0, length), ylim=(0, width), zlim=(0, highest), xlabel="x, cm", ylabel="y, cm")
-    right.set_zlabel("height, cm")
-    right.set_box_aspect((length, width, max(highest, 0.2 * length)))
-    right.view_init(elev=32, azim=-58)
-    for axes in (middle, right):
-        axes.tick_params(labelsize=8, colors=TEXT)
+    image.set_clim(0.0, _highest(heights))
+    axes.set(xlim=(0, length), ylim=(0, width))
+    axes.set_xlabel("x, cm", color=TEXT)
+    axes.set_ylabel("y, cm", color=TEXT)
+    axes.tick_params(labelsize=8, colors=TEXT)
+    drawing.colorbar(image, ax=axes, label="height, cm", shrink=0.8)
     return drawing
+
+
+def draw_surface(
+    surface: ContainerMap, palette: Sequence[tuple[int, int, int]], size: tuple[int, int]
+) -> Image:
+    """A heightmap in its container, each cell a column in the colour of its height.
+
+    Args:
+        surface: the map.
+        palette: colours of heights, (red, green, blue) from 0 to 255: the floor first, the highest cell last.
+        size: (width, height), px.
+    """
+    corners = box_corners(surface.container)
+    camera = camera_around(corners, size, _AZIMUTH, _ELEVATION)
+    return paint(surface.container, _columns(surface, palette), camera, FINE, corners)
+
+
+def _columns(surface: ContainerMap, palette: Sequence[tuple[int, int, int]]) -> list[Surface]:
+    """Tops of the cells and steps between them, a surface for each colour."""
+    cell, heights = surface.cell_size, surface.heights.astype(np.float64)
+    steps = np.pad(heights, 1)
+    quads: list[FloatArray] = []
+    normals: list[FloatArray] = []
+    levels: list[FloatArray] = []
+    at = np.argwhere(heights > 0.0)
+    low, top = at * cell, heights[tuple(at.T)]
+    high = low + cell
+    flat = [(low[:, 0], low[:, 1]), (high[:, 0], low[:, 1]), (high[:, 0], high[:, 1]), (low[:, 0], high[:, 1])]
+    quads.append(np.stack([np.column_stack([x, y, top]) for x, y in flat], axis=1))
+    normals.append(np.tile([0.0, 0.0, 1.0], (len(at), 1)))
+    levels.append(top)
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        toward = np.zeros(2, dtype=np.int64)
+        toward[axis] = sign
+        foot = steps[tuple((at + 1 + toward).T)]
+        open_ = foot < top
+        # Each step in pieces of a band's height, so that its colours are those of its heights.
+        band = _highest(heights) / len(palette)
+        edge = (high if sign > 0 else low)[open_]
+        start = low[open_].copy()
+        start[:, axis] = edge[:, axis]
+        end = high[open_].copy()
+        end[:, axis] = edge[:, axis]
+        below, above = foot[open_], top[open_]
+        while len(below):
+            upper = np.minimum((np.floor(below / band + 1e-9) + 1) * band, above)
+            corners = [(start, below), (end, below), (end, upper), (start, upper)]
+            quads.append(np.stack([np.column_stack([xy, z]) for xy, z in corners], axis=1))
+            normals.append(np.tile([*toward, 0.0], (len(below), 1)))
+            levels.append((below + upper) / 2)
+            more = upper < above
+            start, end, below, above = start[more], end[more], upper[more], above[more]
+    points, facing, level = np.concatenate(quads), np.concatenate(normals), np.concatenate(levels)
+    shade = np.minimum((level / _highest(heights) * len(palette)).astype(np.int64), len(palette) - 1)
+    return [_quads(points[shade == k], facing[shade == k], colour) for k, colour in enumerate(palette)]
+
+
+def _quads(points: FloatArray, normals: FloatArray, colour: tuple[int, int, int]) -> Surface:
+    """Squares as a surface: (n, 4, 3) corners in turn and (n, 3) normals; no line is drawn between them."""
+    first = 4 * np.arange(len(points))[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    vertices = points.reshape(-1, 3)
+    # The corners go round as seen from outside.
+    turned = np.einsum("ij,ij->i", np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), normals)
+    faces[np.repeat(turned < 0.0, 2)] = faces[np.repeat(turned < 0.0, 2)][:, ::-1]
+    parts = np.zeros(len(faces), dtype=np.int64)
+    red, green, blue = colour
+    shade = 0.7  # a surface that does not show all of its shade has no lines
+    return Surface(vertices, np.repeat(normals, 4, axis=0), faces, parts, (red, green, blue), shade)
+
+
+def _highest(heights: FloatArray) -> float:
+    """The top of the scale; of an empty map any."""
+    return float(heights.max()) or 1.0

@@ -13,19 +13,23 @@ from packenv.items.catalogue import open_catalogue
 from packenv.watcher import SILENT, Watcher
 
 from .bowls import bowls
+from .failure import failure
 from .figure import Figure, Source
 from .galleries import large_gallery, small_gallery
 from .sheet import check_matplotlib
 from .terrain import heightmap
+from .waste import stable_versus_not
 
 INDEX = "figures.json"
 """File that lists the figures."""
 
 MAKERS: dict[str, Callable[[Source], Figure | None]] = {
     "bowls": bowls,
+    "stable-versus-not": stable_versus_not,
     "heightmap": heightmap,
     "small-orders": small_gallery,
     "large-orders": large_gallery,
+    "failure": failure,
 }
 """Each figure by its name; None where the catalogue has not what it shows."""
 

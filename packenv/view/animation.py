@@ -101,7 +101,9 @@ def _palette(pictures: Sequence[Image]) -> PillowPicture:
     return PillowImage.fromarray(np.concatenate(pictures)).quantize(256, kmeans=1)
 
 
-def draw_frame(stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame) -> Image:
+def draw_frame(
+    stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame, outlined: int = -1
+) -> Image:
     """One moment.
 
     Args:
@@ -109,16 +111,18 @@ def draw_frame(stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame
         plan: what is shown.
         items: the plan's items by name.
         frame: the moment.
+        outlined: of which of its items the place in the plan is outlined; by itself the latest.
 
     Returns:
-        (height, width, 3) sRGB: what is there, and outlined where the plan wants the latest item.
+        (height, width, 3) sRGB: what is there, and the outline.
     """
     shown = plan.placements[: len(frame.poses)]
     picture = stage.draw(
         [(items[p.item], pose) for p, pose in zip(shown, frame.poses, strict=True)], frame.joints
     )
     if shown:
-        inside = silhouette(item_surface(items[shown[-1].item]).at(shown[-1].pose), stage.camera)
+        wanted = shown[outlined]
+        inside = silhouette(item_surface(items[wanted.item]).at(wanted.pose), stage.camera)
         core = inside.copy()
         for axis in (0, 1):
             for step in (-1, 1):
