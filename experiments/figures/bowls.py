@@ -76,8 +76,8 @@ def bowls(source: Source) -> Figure | None:
     caption = (
         f"{COUNT} pieces of {bowl} and then {box}, in this sequence, in a box of {size_words(source.box)}. Above, the "
         f"paper's way of ranking under the non-overlap constraint: HM's bowls cover {_floor(piles[0])} of the floor, "
-        f"DBLF's {_floor(piles[1])}. Here c of DBLF, the weight of X + Y in metres, is {TIE_BREAK:g}, a tie-break; with "
-        f"the paper's c = 1, X + Y outweighs Z, and DBLF's bowls cover {_floor(literal)} and are "
+        f"DBLF's {_floor(piles[1])}. Here c of DBLF, the weight of X + Y in metres, is {TIE_BREAK:g}, a tie-break; "
+        f"with the paper's c = 1, X + Y outweighs Z, and DBLF's bowls cover {_floor(literal)} and are "
         f"{literal.height * 100:.1f} cm high. Below, the default preset with all robot-packable constraints, which "
         f"lowers items until their surfaces touch: HM's bowls cover {_floor(piles[2])}, DBLF's {_floor(piles[3])}."
     )

@@ -12,9 +12,11 @@ from packenv.items.plan_items import cell_of
 from packenv.planning.options import PlanOptions
 from packenv.sim.camera import Recorder
 from packenv.sim.verdicts import DISPLACED
-from packenv.types import FloatArray, Frame, Item, Plan
+from packenv.types import FloatArray, Frame, Item, Plan, Pose
 from packenv.view.animation import draw_frame
+from packenv.view.painter import Image
 from packenv.view.stage import Stage
+from packenv.view.surfaces import box_corners
 from packenv.view.words import piece_names
 
 from ..orders import random_orders
@@ -29,7 +31,9 @@ ORDERS = 12
 RATE = 30.0
 """Recorded moments a second."""
 _MOST = 4000
-_SIZE = (480, 420)
+_SIZE = (480, 480)
+_BOX_SHARE = 0.94
+"""Share of a picture's sides that the box takes at most."""
 _COLUMNS = 3
 _PARTWAY = (0.3, 0.7)
 """Moments at which an item has gone so much of its way out of its place."""
@@ -58,12 +62,14 @@ class Failing:
         executed: the execution.
         frames: its moments.
         gone: index of the item that left its place.
+        away: how far it was from that in the end, m.
         items: meshes by name.
     """
 
     executed: ExecutedPlan
     frames: tuple[Frame, ...]
     gone: int
+    away: float
     items: dict[str, Item]
 
     @property
@@ -78,25 +84,30 @@ def failure(source: Source) -> Figure | None:
         ("the paper's preset, all robot-packable constraints", PlanOptions.paper(geometry="parts")),
         ("the paper's preset, non-overlap alone", PlanOptions.paper(geometry="parts", constraints="overlap")),
     )
-    tried = 0
     for words, options in ways:
         names = source.names(options, source.box)
-        for index, order in enumerate(random_orders(names, ITEMS, ORDERS, source.seed)):
+        orders = random_orders(names, ITEMS, ORDERS, source.seed)
+        executions: dict[int, Failing | ExecutedPlan] = {}
+        for index, order in enumerate(orders):
             plan = source.plan(order, options)
-            if not plan.complete:
-                continue
-            tried += 1
-            found = carry_out(source, plan)
-            if found is not None:
-                return _figure(source, found, words, index, tried)
+            if plan.complete:
+                executions[index] = carry_out(source, plan)
+        found = {k: run for k, run in executions.items() if isinstance(run, Failing)}
+        if found:
+            index = max(found, key=lambda k: found[k].away)
+            failed = sum(
+                not (run.executed if isinstance(run, Failing) else run).success for run in executions.values()
+            )
+            counts = f"{len(executions)} executions of random orders, {failed} failed, {len(found)}"
+            return _figure(source, found[index], words, index, counts)
     source.watcher.remark(
-        f"figure {NAME}: is left out, for in none of {tried} executions an item that had left its place was met"
+        f"figure {NAME}: is left out, for in no execution of {ORDERS} orders an item that had left its place was met"
     )
     return None
 
 
-def carry_out(source: Source, plan: Plan) -> Failing | None:
-    """Carry a plan out; None unless an item that had left its place stops a later one."""
+def carry_out(source: Source, plan: Plan) -> Failing | ExecutedPlan:
+    """Carry a plan out; a failing one where an item that had left its place stops a later one."""
     options = plan.made_with
     assert isinstance(options, PlanOptions)
     shelf = source.shelf(options)
@@ -104,7 +115,7 @@ def carry_out(source: Source, plan: Plan) -> Failing | None:
     executed = execute(plan, shelf, engine=source.engine, watch=recorder)
     execution = executed.execution
     if execution.cause != "item-displaced" or not execution.items[-1].collided:
-        return None
+        return executed
     items = {p.item: shelf.items[p.item] for p in plan.placements}
     met = execution.items[-1].met
     away = [
@@ -113,8 +124,9 @@ def carry_out(source: Source, plan: Plan) -> Failing | None:
     ]
     gone = [k for k, far in enumerate(away) if far > DISPLACED and plan.placements[k].item == met]
     if not gone:
-        return None
-    return Failing(executed, recorder.frames(), max(gone, key=lambda k: away[k]), items)
+        return executed
+    most = max(gone, key=lambda k: away[k])
+    return Failing(executed, recorder.frames(), most, away[most], items)
 
 
 def moments(failing: Failing) -> tuple[Moment, ...]:
@@ -128,15 +140,11 @@ def moments(failing: Failing) -> tuple[Moment, ...]:
     """
     plan, frames, gone = failing.plan, failing.frames, failing.gone
     names, last = piece_names(plan.placements), len(failing.executed.execution.items) - 1
-    step = max(range(gone, last), key=lambda k: _way(failing, _of_step(frames, k)).max(initial=0.0))
-    during = _of_step(frames, step)
-    held = [k for k, frame in enumerate(during) if _held(frame, plan, step)]
-    start = held[-1] if held else 0
-    chosen = [
-        Moment(during[start], gone, f"Step {step + 1}: {names[step]} just before its release")
-    ]
-    after = during[start:]
+    steps = {k: _released(frames, plan, k) for k in range(gone, last)}
+    step = max(steps, key=lambda k: _way(failing, steps[k]).max())
+    after = steps[step]
     way = _way(failing, after)
+    chosen = [Moment(after[0], gone, f"Step {step + 1}: {names[step]} just before its release")]
     verb = "has moved" if step == gone else "has been moved"
     for share in _PARTWAY:
         k = int(np.argmax(way >= share * way.max()))
@@ -166,6 +174,13 @@ def _of_step(frames: Sequence[Frame], step: int) -> list[Frame]:
     return [frame for frame in frames if len(frame.poses) == step + 1]
 
 
+def _released(frames: Sequence[Frame], plan: Plan, step: int) -> list[Frame]:
+    """The moments of a step from the last on in which the robot holds the item."""
+    during = _of_step(frames, step)
+    held = [k for k, frame in enumerate(during) if _held(frame, plan, step)]
+    return during[held[-1] if held else 0 :]
+
+
 def _held(frame: Frame, plan: Plan, step: int) -> bool:
     """Whether the robot still holds the latest item: it is upright over its place."""
     pose, place = frame.poses[step], plan.placements[step].pose
@@ -189,20 +204,34 @@ def _off(failing: Failing, frame: Frame) -> float:
     return float(np.linalg.norm(_middle(item, frame.poses[failing.gone]) - _middle(item, placement.pose)))
 
 
-def _middle(item: Item, pose: object) -> FloatArray:
-    return pose.apply(item.com[None])[0]
+def _middle(item: Item, pose: Pose) -> FloatArray:
+    middle: FloatArray = pose.apply(item.com[None])[0]
+    return middle
 
 
 def _since(frames: Sequence[Frame], k: int) -> str:
-    return f"{frames[k].time - frames[0].time:.1f} s later"
+    return f"{frames[k].time - frames[0].time:.2f} s later"
 
 
-def _figure(source: Source, found: Failing, words: str, index: int, tried: int) -> Figure:
-    stage = Stage(cell_of(found.plan), _SIZE)
+def _pictures(found: Failing, shown: Sequence[Moment]) -> Iterator[Image]:
+    """The moments as pictures, the box large in the middle."""
+    cell, corners = cell_of(found.plan), box_corners(found.plan.container)
+    seen = Stage(cell, _SIZE).camera.project(corners)[:, :2]
+    scale = float((_BOX_SHARE * np.array(_SIZE) / np.ptp(seen, axis=0)).min())
+    stage = Stage(cell, (round(scale * _SIZE[0]), round(scale * _SIZE[1])))
+    seen = stage.camera.project(corners)[:, :2]
+    middle = (seen.min(axis=0) + seen.max(axis=0) - _SIZE) / 2
+    left, top = np.clip(middle, 0, np.subtract(stage.camera.size, _SIZE)).astype(int)
+    for moment in shown:
+        picture = draw_frame(stage, found.plan, found.items, moment.frame, moment.outlined)
+        yield picture[top : top + _SIZE[1], left : left + _SIZE[0]]
+
+
+def _figure(source: Source, found: Failing, words: str, index: int, counts: str) -> Figure:
     shown = moments(found)
     panels = [
-        Panel(draw_frame(stage, found.plan, found.items, moment.frame, moment.outlined), f"{number}", (), (moment.words,))
-        for number, moment in enumerate(shown, start=1)
+        Panel(picture, f"{number}. at {moment.frame.time:.1f} s", (), (moment.words,))
+        for number, (moment, picture) in enumerate(zip(shown, _pictures(found, shown), strict=True), start=1)
     ]
     executed = found.executed
     names = piece_names(found.plan.placements)
@@ -210,8 +239,8 @@ def _figure(source: Source, found: Failing, words: str, index: int, tried: int) 
     caption = (
         f"An execution in physics ({executed.config.world.engine.name}) that fails in step {step} of "
         f"{len(found.plan.placements)}: {executed.execution.detail}. {names[found.gone]} had been placed in step "
-        f"{found.gone + 1}. Outlined: its place in the plan, in the last pictures that of {names[step - 1]}. Order "
-        f"{index} of seed {source.seed}, planned with {words}; the first of {tried} executions that failed in this way."
+        f"{found.gone + 1}. Outlined: its place in the plan, in the last pictures that of {names[step - 1]}. Planned "
+        f"with {words}. Of {counts} in this way; here the item moved farthest (order index {index} of seed {source.seed})."
     )
     made_of = {
         "seed": source.seed,

@@ -111,9 +111,7 @@ class Source:
         self, plan: Plan, size: tuple[int, int], azimuth: float = -58.0, elevation: float = 32.0
     ) -> Image:
         """Draw a plan; see :func:`packenv.view.picture.render_image`."""
-        return render_image(
-            scene_of(plan, self.catalogue), size=size, azimuth=azimuth, elevation=elevation
-        )
+        return render_image(scene_of(plan, self.catalogue), size=size, azimuth=azimuth, elevation=elevation)
 
 
 def size_words(container: Container) -> str:
@@ -124,4 +122,6 @@ def size_words(container: Container) -> str:
 def azimuth_from(side: FloatArray) -> float:
     """Of four views, the one from the side to which a horizontal direction (2,) points, degrees."""
     views = (-58.0, 32.0, 122.0, 212.0)
-    return max(views, key=lambda view: float(side @ [math.cos(math.radians(view)), math.sin(math.radians(view))]))
+    return max(
+        views, key=lambda view: float(side @ [math.cos(math.radians(view)), math.sin(math.radians(view))])
+    )

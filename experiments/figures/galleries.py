@@ -33,7 +33,7 @@ def small_gallery(source: Source) -> Figure | None:
         orders,
         options,
         "auto",
-        "each in the smallest built-in box that takes all of it",
+        ", each in the smallest built-in box that takes all of it",
     )
 
 
@@ -49,7 +49,7 @@ def large_gallery(source: Source) -> Figure | None:
         random_orders(source.names(options, source.box), 10, _DRAWN, source.seed),
         options,
         source.box,
-        f"in a box of {size}",
+        f" in a box of {size}",
     )
 
 
@@ -74,7 +74,9 @@ def _gallery(
         if len(packed) == SHOWN:
             break
     if not packed:
-        source.watcher.remark(f"figure {name}: is left out, for none of {len(orders)} orders was packed whole")
+        source.watcher.remark(
+            f"figure {name}: is left out, for none of {len(orders)} orders was packed whole"
+        )
         return None
     panels = [
         Panel(
@@ -85,10 +87,15 @@ def _gallery(
         for position, plan in enumerate(packed, start=1)
     ]
     drawn = len(packed) + len(left_over)
+    which = (
+        f"the first {drawn} random orders"
+        if not left_over
+        else f"{len(packed)} of the first {drawn} random orders"
+    )
     caption = (
-        f"{title} {where}, planned with the paper's preset (HM, all robot-packable constraints): the first "
-        f"{len(packed)} of {drawn} random orders of {source.catalogue.label} (seed {source.seed}) that were packed "
-        f"whole; {len(left_over)} of the {drawn} left something over."
+        f"{title}{where}, planned with the paper's preset (HM, all robot-packable constraints): {which} of the "
+        f"catalogue {source.catalogue.label} (seed {source.seed})"
+        + (f"; the other {len(left_over)} left something over." if left_over else ", all packed whole.")
     )
     made_of = {
         "seed": source.seed,

@@ -7,7 +7,9 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from packenv.errors import InputError
 from packenv.io.files import write_whole
@@ -118,7 +120,7 @@ def _words(panel: Panel, wide: int) -> list[list[tuple[float, str, str]]]:
     return lines
 
 
-def _say(figure: Figure, x: float, y: float, text: str, **how: object) -> None:
+def _say(figure: Figure, x: float, y: float, text: str, **how: Any) -> None:
     """Write words at a place in px from the lower left corner."""
     width, height = figure.get_size_inches() * DPI
     how = {"color": TEXT, **how}
@@ -133,12 +135,11 @@ def show_picture(axes: Axes, picture: Image) -> None:
 
 def drawn(figure: Figure) -> Image:
     """A figure as a picture."""
-    import numpy as np
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    picture: Image = np.array(canvas.buffer_rgba())[:, :, :3]
+    canvas.draw()  # type: ignore[no-untyped-call]
+    picture: Image = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[no-untyped-call]
     return picture
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 NAME = "heightmap"
 COUNT = 4
 _DRAWN = 12
-_SIZE = (490, 480)
+_SIZE = (490, 470)
 _WIDTH, _HEIGHT = 1500, 520
 _AZIMUTH, _ELEVATION = -58.0, 32.0
 _COLOURS = "viridis"
@@ -36,11 +36,9 @@ def heightmap(source: Source) -> Figure | None:
     """The figure; None where no drawn order is packed whole."""
     options = PlanOptions.paper()
     orders = random_orders(source.names(options, source.box), COUNT, _DRAWN, source.seed)
-    for index, order in enumerate(orders):
-        plan = source.plan(order, options)
-        if plan.complete:
-            break
-    else:
+    plans = (source.plan(order, options) for order in orders)
+    index, plan = next(((k, plan) for k, plan in enumerate(plans) if plan.complete), (0, None))
+    if plan is None:
         source.watcher.remark(f"figure {NAME}: is left out, for none of {_DRAWN} orders was packed whole")
         return None
     surface = surfaces_of(plan, source.shelf(options))[-1]
@@ -49,12 +47,13 @@ def heightmap(source: Source) -> Figure | None:
         f"Terrain heightmap of {COUNT} items in a box of {size_words(source.box)}: the packed box, its heightmap of "
         f"{nx} by {ny} cells of {surface.cell_size * 1e3:g} mm, and the same as a surface; heights are at most "
         f"{float(surface.heights.max()) * 100:.1f} cm. Each cell holds the highest point over all of it. Planned with "
-        f"the paper's preset; order {index} of seed {source.seed}."
+        f"the paper's preset; order index {index} of seed {source.seed}."
     )
     drawing = _draw(plan, surface, source.picture(plan, _SIZE, _AZIMUTH, _ELEVATION))
     made_of = {
         "seed": source.seed,
-        "orders": [list(order)],
+        "index": index,
+        "orders": [orders[index]],
         "options": options.to_mapping(),
         "cell_size_m": surface.cell_size,
         "highest_m": float(surface.heights.max()),
@@ -81,9 +80,16 @@ def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
     heights = 100.0 * surface.heights.astype(np.float64)
     palette = (255 * colormaps[_COLOURS](np.linspace(0, 1, _BANDS))[:, :3]).round().astype(int)
     drawing = Drawing(figsize=(_WIDTH / DPI, _HEIGHT / DPI), dpi=DPI, facecolor="white")
-    for left, shown in ((5, picture), (_WIDTH - _SIZE[0] - 5, draw_surface(surface, palette.tolist(), _SIZE))):
-        place = (left / _WIDTH, 30 / _HEIGHT, _SIZE[0] / _WIDTH, _SIZE[1] / _HEIGHT)
+    columns = draw_surface(surface, [(r, g, b) for r, g, b in palette.tolist()], _SIZE)
+    for left, title, shown in (
+        (5, "Packed box", picture),
+        (_WIDTH - _SIZE[0] - 5, "Heightmap, cell by cell", columns),
+    ):
+        place = (left / _WIDTH, 24 / _HEIGHT, _SIZE[0] / _WIDTH, _SIZE[1] / _HEIGHT)
         show_picture(drawing.add_axes(place), shown)
+        drawing.text(
+            (left + 8) / _WIDTH, 505 / _HEIGHT, title, color=TEXT, size=10.5, weight="bold", va="center"
+        )
     entries = [Patch(color=colour, label=name) for colour, name in legend(plan)]
     drawing.legend(handles=entries, loc="lower left", ncols=COUNT, frameon=False, fontsize=8.5)
     axes = drawing.add_axes((545 / _WIDTH, 75 / _HEIGHT, 400 / _WIDTH, 400 / _HEIGHT))
@@ -91,6 +97,7 @@ def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
         heights.T, origin="lower", extent=(0, nx * cell, 0, ny * cell), cmap=_COLOURS, interpolation="none"
     )
     image.set_clim(0.0, _highest(heights))
+    axes.set_title("Heightmap", loc="left", color=TEXT, size=10.5, weight="bold", y=1.03)
     axes.set(xlim=(0, length), ylim=(0, width))
     axes.set_xlabel("x, cm", color=TEXT)
     axes.set_ylabel("y, cm", color=TEXT)
@@ -124,7 +131,12 @@ def _columns(surface: ContainerMap, palette: Sequence[tuple[int, int, int]]) -> 
     at = np.argwhere(heights > 0.0)
     low, top = at * cell, heights[tuple(at.T)]
     high = low + cell
-    flat = [(low[:, 0], low[:, 1]), (high[:, 0], low[:, 1]), (high[:, 0], high[:, 1]), (low[:, 0], high[:, 1])]
+    flat = [
+        (low[:, 0], low[:, 1]),
+        (high[:, 0], low[:, 1]),
+        (high[:, 0], high[:, 1]),
+        (low[:, 0], high[:, 1]),
+    ]
     quads.append(np.stack([np.column_stack([x, y, top]) for x, y in flat], axis=1))
     normals.append(np.tile([0.0, 0.0, 1.0], (len(at), 1)))
     levels.append(top)
@@ -160,7 +172,9 @@ def _quads(points: FloatArray, normals: FloatArray, colour: tuple[int, int, int]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     vertices = points.reshape(-1, 3)
     # The corners go round as seen from outside.
-    turned = np.einsum("ij,ij->i", np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), normals)
+    turned = np.einsum(
+        "ij,ij->i", np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), normals
+    )
     faces[np.repeat(turned < 0.0, 2)] = faces[np.repeat(turned < 0.0, 2)][:, ::-1]
     parts = np.zeros(len(faces), dtype=np.int64)
     red, green, blue = colour

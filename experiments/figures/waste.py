@@ -81,7 +81,11 @@ def stable_versus_not(source: Source) -> Figure | None:
     pairs: dict[int, tuple[Placed, Placed]] = {}
     for index, order in enumerate(orders):
         pile = source.plan(order[:BELOW], piled)
-        plans = [source.plan(order[BELOW:], options, start=pile) for options in (hm, dblf)] if pile.complete else []
+        plans = (
+            [source.plan(order[BELOW:], options, start=pile) for options in (hm, dblf)]
+            if pile.complete
+            else []
+        )
         if plans and all(plan.complete for plan in plans):
             by_hm, by_dblf = (placed_last(source, plan) for plan in plans)
             pairs[index] = by_hm, by_dblf
@@ -90,20 +94,21 @@ def stable_versus_not(source: Source) -> Figure | None:
         return None
     index = max(pairs, key=lambda k: (pairs[k][0].stable > pairs[k][1].stable, _saved(pairs[k])))
     shown = pairs[index]
-    both = tuple(zip(("HM", "DBLF"), shown, strict=True))
-    panels = [
-        *(Panel(source.picture(found.plan, _SIZE, _before_pile(found.plan)), _title(rule, found), legend(found.plan)) for rule, found in both),
-        *(Panel(_section(found), _section_title(found)) for _, found in both),
-    ]
-    wasted = [mean(1e6 * pair[side].waste for pair in pairs.values()) for side in (0, 1)]
+    panels = []
+    for rule, found in zip(("HM", "DBLF"), shown, strict=True):
+        picture = source.picture(found.plan, _SIZE, _before_pile(found.plan))
+        panels.append(Panel(picture, _title(rule, found), legend(found.plan)))
+    panels += [Panel(_section(found), _section_title(found)) for found in shown]
+    volumes = [1e6 * found.waste for found in shown]
+    means = [mean(1e6 * pair[side].waste for pair in pairs.values()) for side in (0, 1)]
     stand = [sum(pair[side].stable for pair in pairs.values()) for side in (0, 1)]
     caption = (
-        f"{orders[index][BELOW]} placed on the same pile of {BELOW} items by HM and by DBLF (c = {TIE_BREAK:g}, in metres) "
-        f"under the non-overlap constraint, and cuts through its middle with the space below it that is wasted. "
-        f"By the heightmaps {1e6 * shown[0].waste:.0f} cm³ below the item are wasted by HM and {1e6 * shown[1].waste:.0f} "
-        f"by DBLF. Of {len(pairs)} random orders (seed {source.seed}) this one, order {index}, shows the difference "
-        f"best; over all of them HM wastes {wasted[0]:.0f} cm³ on average and DBLF {wasted[1]:.0f}, and the pile stands "
-        f"by the paper's check in {stand[0]} and {stand[1]} of them."
+        f"{orders[index][BELOW]} placed on the same pile of {BELOW} items by HM and by DBLF (c = {TIE_BREAK:g}, in "
+        f"metres) under the non-overlap constraint, and cuts through its middle with the space below it that is wasted: "
+        f"by the heightmaps {volumes[0]:.0f} cm³ by HM and {volumes[1]:.0f} by DBLF. Of {len(pairs)} random orders (seed "
+        f"{source.seed}) this one, order index {index}, shows the difference best; over all of them HM wastes "
+        f"{means[0]:.0f} cm³ on average and DBLF {means[1]:.0f}, and the pile stands by the paper's check in {stand[0]} "
+        f"and {stand[1]} of them."
     )
     made_of = {
         "seed": source.seed,
@@ -198,7 +203,15 @@ def _draw_section(axes: Axes, found: Placed) -> None:
     name = found.plan.placements[last].item
     axes.stairs(over, own, baseline=under, fill=True, color=hex_colour(item_colour(last)), label=name)
     axes.stairs(
-        under, own, baseline=low, fill=True, facecolor="none", edgecolor=WASTE, hatch="////", lw=0, label="wasted"
+        under,
+        own,
+        baseline=low,
+        fill=True,
+        facecolor="none",
+        edgecolor=WASTE,
+        hatch="////",
+        lw=0,
+        label="wasted",
     )
     box = found.before.container.size
     axes.set(xlim=(0, 100 * box[axis]), ylim=(0, 100 * box[2]))
