@@ -240,7 +240,8 @@ def _figure(source: Source, found: Failing, words: str, index: int, counts: str)
         f"An execution in physics ({executed.config.world.engine.name}) that fails in step {step} of "
         f"{len(found.plan.placements)}: {executed.execution.detail}. {names[found.gone]} had been placed in step "
         f"{found.gone + 1}. Outlined: its place in the plan, in the last pictures that of {names[step - 1]}. Planned "
-        f"with {words}. Of {counts} in this way; here the item moved farthest (order index {index} of seed {source.seed})."
+        f"with {words}. Of {counts} in this way; here the item moved farthest (order index {index} "
+        f"of seed {source.seed})."
     )
     made_of = {
         "seed": source.seed,
