@@ -44,8 +44,8 @@ def _line_words(line: Line) -> str:
     if line.paper_success is not None:
         low, high = line.ci95
         paper = line.paper_success
-        place = "within it" if low <= paper <= high else "below it" if paper < low else "above it"
-        words += f", the paper reports {percent(paper)} %, {place}"
+        place = "inside" if low <= paper <= high else "below" if paper < low else "above"
+        words += f"; the paper reports {percent(paper)} %, {place} the interval"
     return words
 
 
@@ -57,9 +57,8 @@ def _time_words(result: Result) -> list[str]:
         return []
     ratio, name, line = ratios[0]
     return [
-        f"Of the mean times that the paper reports, ours is the nearest for {name} ({circumstances(line)}): "
-        f"{number(float(line.cpu_s_mean))} CPU-seconds instead of {number(line.paper_s)} s, a ratio of "
-        f"{number(ratio)} (another machine, so only the magnitude counts)."
+        f"The paper's mean time by ours is at least {number(ratio)}: {number(line.paper_s)} s against "
+        f"{number(float(line.cpu_s_mean))} CPU-seconds by {name} ({circumstances(line)}), on another machine."
     ]
 
 
@@ -85,8 +84,7 @@ def verdict(result: Result) -> list[str]:
 
 def _difference_words(c: Comparison) -> str:
     better, worse, difference = (c.a, c.b, c.difference) if c.difference > 0 else (c.b, c.a, -c.difference)
-    points = percent(difference, c.n, sign=True)
-    return f"{method_name(better)} over {method_name(worse)} by {points} points"
+    return f"{method_name(better)} over {method_name(worse)} by {percent(difference, c.n)} points"
 
 
 def broken_words(result: Result) -> list[str]:

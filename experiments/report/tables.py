@@ -106,9 +106,7 @@ class Sorting:
 _CIRCUMSTANCES: dict[str, Callable[[str], str]] = {
     "constraints": constraints_name,
     "setting": lambda setting: f"setting {plain(setting)}" if setting else "",
-    "items": lambda items: {ALL: "all items", UNSEEN: "items that nothing was tuned on"}.get(
-        items, plain(items)
-    ),
+    "items": lambda items: {ALL: "", UNSEEN: "only items that nothing was tuned on"}.get(items, plain(items)),
     "world": lambda world: f"{plain(world)} world" if world else "",
 }
 
@@ -161,15 +159,15 @@ def comparisons_table(result: Result) -> Table:
     columns = (
         Column("methods", "name"),
         Column("orders"),
-        Column("first alone succeeds"),
-        Column("second alone"),
+        Column("alone succeeds, first"),
+        Column("alone succeeds, second"),
         Column("difference, points"),
         Column("95 % interval, points"),
-        Column("p"),
+        Column("p, McNemar"),
         Column("p, Holm"),
         Column("significant", "name"),
-        Column("time ratio"),
-        Column("95 % interval"),
+        Column("CPU-s, first / second"),
+        Column("95 % interval, ratio"),
     )
     groups: dict[str, list[tuple[Cell, ...]]] = {}
     for c, p in zip(result.comparisons, adjusted(result), strict=True):
@@ -216,8 +214,7 @@ def failures_table(result: Result, links: dict[str, str], most: int) -> Table:
     )
     rows = []
     for f in result.failures[:most]:
-        words = [constraints_name(f.constraints), _CIRCUMSTANCES["setting"](f.setting)]
-        words += [_CIRCUMSTANCES["items"](f.items)] * (f.items != ALL)
+        words = [_CIRCUMSTANCES[name](getattr(f, name)) for name in ("constraints", "setting", "items")]
         shown = Cell("look at it", links[f.key]) if f.key in links else Cell(DASH)
         texts = (number(f.index), method_name(f.method), " · ".join(filter(None, words)), plain(f.why))
         rows.append((*map(Cell, texts), shown))

@@ -39,7 +39,10 @@ def percent(share: float | None, n: int = 1, *, sign: bool = False) -> str:
     if share is None or not math.isfinite(share):
         return DASH
     digits = 1 if n <= 1000 else 2
-    return f"{100.0 * share:{'+' if sign else ''}.{digits}f}".replace("-", MINUS)
+    text = f"{100.0 * share:.{digits}f}"
+    if float(text) == 0.0:
+        return text.removeprefix("-")
+    return f"{'+' * (sign and share > 0.0)}{text}".replace("-", MINUS)
 
 
 def interval(ends: Interval, n: int = 1, *, sign: bool = False) -> str:

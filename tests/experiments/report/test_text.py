@@ -56,8 +56,8 @@ def test_lines_are_grouped_by_what_each_method_was_run_under() -> None:
     rows = text_table(result(*lines)).splitlines()
     heads = [k for k, row in enumerate(rows) if row.startswith("[")]
     assert [rows[k] for k in heads] == [
-        "[non-overlap · setting default · all items]",
-        "[all constraints · setting default · all items]",
+        "[non-overlap · setting default]",
+        "[all constraints · setting default]",
     ]
     assert heads[1] - heads[0] == 3
 
@@ -70,8 +70,8 @@ def test_what_belongs_to_the_method_is_a_column() -> None:
     ]
     rows = text_table(result(*lines)).splitlines()
     assert [row for row in rows if row.startswith("[")] == [
-        "[all items · nominal world]",
-        "[all items · disturbed world]",
+        "[nominal world]",
+        "[disturbed world]",
     ]
     assert sum("all constraints" in row for row in rows) == 2
 
@@ -100,7 +100,7 @@ def test_no_text_commands_the_terminal() -> None:
 
 def test_differences_are_told_after_holm() -> None:
     text = text_table(result(line(), comparisons=(comparison(), comparison(b="dblf", a_only=5))))
-    assert "HM over MTA by +60.0 points" in text
+    assert "HM over MTA by 60.0 points" in text
     assert "HM over DBLF" not in text, "p = 0.06"
     assert "The other one is not." in text
     assert "No difference" in text_table(result(line(), comparisons=(comparison(a_only=1),)))
