@@ -156,13 +156,18 @@ def save(figure: Figure, out: Path, name: str, *, vector: bool = False) -> tuple
         InputError: a file cannot be written.
     """
     import matplotlib as mpl
+    from PIL import Image as Pillow
 
-    files = []
-    for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None}))[: 1 + vector]:
+    files = [out / f"{name}.png"]
+    stream = io.BytesIO()
+    # With a palette: a third of the bytes, and no difference that is seen.
+    picture = Pillow.fromarray(drawn(figure)).quantize(256, dither=Pillow.Dither.FLOYDSTEINBERG)
+    picture.save(stream, format="PNG", optimize=True)
+    write_whole(files[0], stream.getvalue())
+    if vector:
+        files.append(out / f"{name}.svg")
         stream = io.BytesIO()
         with mpl.rc_context({"svg.hashsalt": "robotpack", "svg.fonttype": "none"}):
-            figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
-        path = out / f"{name}.{kind}"
-        write_whole(path, stream.getvalue())
-        files.append(path)
+            figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None})
+        write_whole(files[1], stream.getvalue())
     return tuple(files)

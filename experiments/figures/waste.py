@@ -104,11 +104,11 @@ def stable_versus_not(source: Source) -> Figure | None:
     stand = [sum(pair[side].stable for pair in pairs.values()) for side in (0, 1)]
     caption = (
         f"{orders[index][BELOW]} placed on the same pile of {BELOW} items by HM and by DBLF (c = {TIE_BREAK:g}, in "
-        f"metres) under the non-overlap constraint, each seen from the side on which it lies, and cuts through its middle "
-        f"with the space below it that is wasted: by the heightmaps {volumes[0]:.0f} cm³ by HM and {volumes[1]:.0f} by "
-        f"DBLF. Of {len(pairs)} random orders (seed {source.seed}) this one, order index {index}, shows the difference "
-        f"best; over all of them HM wastes {means[0]:.0f} cm³ on average and DBLF {means[1]:.0f}, and the pile stands by "
-        f"the paper's check in {stand[0]} and {stand[1]} of them."
+        f"metres) under the non-overlap constraint, each seen from the side on which it lies, and cuts through its "
+        f"middle with the space below it that is wasted: by the heightmaps {volumes[0]:.0f} cm³ by HM and "
+        f"{volumes[1]:.0f} by DBLF. Of {len(pairs)} random orders (seed {source.seed}) this one, order index {index}, "
+        f"shows the difference best; over all of them HM wastes {means[0]:.0f} cm³ on average and DBLF {means[1]:.0f}, "
+        f"and the pile stands by the paper's check in {stand[0]} and {stand[1]} of them."
     )
     made_of = {
         "seed": source.seed,
