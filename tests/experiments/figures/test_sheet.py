@@ -31,7 +31,7 @@ def test_pictures_are_kept_pixel_by_pixel() -> None:
     places = [found(page, picture) for picture in pictures]
     assert places[0][0] == places[1][0] < places[2][0]
     assert places[0][1] == places[2][1] < places[1][1]
-    assert len({place for place in places}) == 3
+    assert len(set(places)) == 3
 
 
 def test_long_names_are_cut_and_long_notes_go_on_in_a_second_line() -> None:

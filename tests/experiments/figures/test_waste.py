@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from packenv.experiments.figures import waste
-from packenv.experiments.figures.waste import placed_last, stable_versus_not
+from packenv.experiments.figures.waste import RANKING, placed_last, stable_versus_not
 from packenv.items.catalogue import Catalogue
 from packenv.planning.options import PlanOptions
 from tests.experiments.figures.sources import SOME, source_of
@@ -17,7 +17,7 @@ from tests.shapes import box
 
 pytest.importorskip("matplotlib")
 
-HM = PlanOptions.paper(constraints="overlap", sequence="given")
+HM = replace(RANKING, sequence="given")
 TABLE = Catalogue.of_items({"post": box(0.1, 0.1, 0.1, "post"), "plank": box(0.24, 0.1, 0.02, "plank")})
 
 
