@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 NAME = "stable-versus-not"
 BELOW = 7
 """Items of the pile on which one more is placed."""
-ORDERS = 40
+ORDERS = 100
 """Orders that are drawn."""
 RANKING = PlanOptions.paper(constraints="overlap", heights="mesh", contacts="surface")
 """The paper's ranking, of items that come down until surfaces touch: only then force balance tells which ones stand."""
@@ -114,10 +114,10 @@ def stable_versus_not(source: Source) -> Figure | None:
     caption = (
         f"{orders[index][BELOW]} placed on the same pile of {BELOW} items, which stands, by HM and by DBLF "
         f"(c = {TIE_BREAK:g}, in metres) under the non-overlap constraint, each seen from the side on which it lies, "
-        f"and cuts through its middle with the space below it that is wasted: by the heightmaps {volumes[0]:.0f} cm³ by "
-        f"HM and {volumes[1]:.0f} by DBLF. Order index {index} of {len(pairs)} random ones (seed {source.seed}), chosen "
-        f"because {chosen}. Over all of them HM wastes {means[0]:.0f} cm³ on average and DBLF {means[1]:.0f}, and the "
-        f"pile still stands, by force balance, in {stand[0]} and {stand[1]} of them."
+        f"and cuts through its middle with the space below it that is wasted: by the heightmaps {volumes[0]:.0f} cm³ "
+        f"by HM and {volumes[1]:.0f} by DBLF. Order index {index} of {len(pairs)} random ones (seed {source.seed}), "
+        f"chosen because {chosen}. Over all of them HM wastes {means[0]:.0f} cm³ on average and DBLF {means[1]:.0f}, "
+        f"and the pile still stands, by force balance, in {stand[0]} and {stand[1]} of them."
     )
     made_of = {
         "seed": source.seed,
@@ -175,14 +175,16 @@ def _before_pile(plan: Plan) -> float:
 
 
 def _title(rule: str, found: Placed) -> str:
-    stands = "it stands" if found.stable else "it does not stand"
+    stands = "the pile stands" if found.stable else "the pile does not stand"
     return f"{rule}: {1e6 * found.waste:.0f} cm³ wasted; {stands}"
 
 
 def _cut(found: Placed) -> tuple[int, int]:
-    """Axis along which the item is longer, and the row or column of cells through its middle along that."""
-    axis = int(np.argmax(found.bottom.shape))
-    return axis, found.bottom.shape[1 - axis] // 2
+    """Axis along which the item is cut, and its cell across: of two cuts through the middle the one with more waste."""
+    middles = [n // 2 for n in found.bottom.shape]
+    along = [found.gaps[:, middles[1]].sum(), found.gaps[middles[0]].sum()]
+    axis = int(np.argmax(along))
+    return axis, middles[1 - axis]
 
 
 def _section_title(found: Placed) -> str:

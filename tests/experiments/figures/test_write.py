@@ -80,3 +80,11 @@ def test_a_folder_that_cannot_be_made_is_named(catalogue: str, tmp_path: Path) -
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="file"):
         write_figures(catalogue, tmp_path / "file" / "out", unit="mm")
+
+
+def test_items_that_are_too_large_are_refused_in_a_line(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    (tmp_path / "in").mkdir()
+    box((500, 500, 500)).export(tmp_path / "in" / "crate.stl")
+    with pytest.raises(InputError, match="no item of .*in fits a box of 32 × 32 × 30 cm"):
+        write_figures(str(tmp_path / "in"), tmp_path / "out", unit="mm")
