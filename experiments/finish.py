@@ -11,7 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 import packenv
-from packenv.agents.workers import run_jobs
+from packenv.backends import imap_unordered
 from packenv.io.rows import RowFile
 
 
@@ -41,8 +41,8 @@ def finish(
         work: a job to its row.
         jobs: each with a ``key``.
         out: the file of rows.
-        workers: as in :func:`run_jobs`.
-        timeout: likewise, s.
+        workers: number of processes; 0 runs everything in this one.
+        timeout: as in :func:`packenv.backends.imap_unordered`, s.
         prepare: likewise.
         arguments: likewise.
 
@@ -51,9 +51,17 @@ def finish(
     """
     file = RowFile(out)
     missing = [job for job in jobs if job.key not in file]
-    rows = run_jobs(work, missing, workers=workers, timeout=timeout, prepare=prepare, arguments=arguments)
-    for row in tqdm(rows, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
-        file.append(row)
+    outcomes = imap_unordered(
+        work,
+        missing,
+        backend="pebble" if workers else "serial",
+        workers=workers or None,
+        timeout=timeout,
+        prepare=prepare,
+        arguments=arguments,
+    )
+    for outcome in tqdm(outcomes, total=len(jobs), initial=len(jobs) - len(missing), disable=None):
+        file.append(outcome.row or {"key": outcome.job.key, "error": outcome.error})
     wanted = {job.key for job in jobs}
     done = [row for row in file if row["key"] in wanted]
     return done, [row for row in done if "error" in row]
