@@ -167,6 +167,7 @@ class _Crew(Generic[J]):
     starting: dict[Any, Any] = field(default_factory=dict)
     busy: dict[Any, _Busy[J]] = field(default_factory=dict)
     deaths: int = 0
+    actors: Any = field(default_factory=lambda: _actor_class())
 
     def outcomes(self) -> Iterator[Outcome[J]]:
         """Do all jobs."""
@@ -185,11 +186,8 @@ class _Crew(Generic[J]):
 
     def _fill(self) -> None:
         """Start actors until there are as many as are wanted, or as there are jobs for."""
-        import ray
-
-        actors = ray.remote(num_cpus=1, runtime_env={"env_vars": ONE_THREAD})(_Worker)
         while len(self.starting) + len(self.busy) < self.wanted and self.source.holds(len(self.starting) + 1):
-            actor = actors.remote()
+            actor = self.actors.remote()
             self.starting[actor.prepare.remote(self.prepare, self.arguments)] = actor
 
     def _answers(self) -> list[Any]:
@@ -260,6 +258,12 @@ class _Crew(Generic[J]):
             _kill(busy.actor)
             seconds = time.perf_counter() - busy.since
             yield Outcome(busy.job, None, "timeout", f"it took longer than {self.timeout:g} s", seconds)
+
+
+def _actor_class() -> Any:
+    import ray
+
+    return ray.remote(num_cpus=1, runtime_env={"env_vars": ONE_THREAD})(_Worker)
 
 
 def _kill(actor: Any) -> None:
