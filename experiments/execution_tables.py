@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from .execution_jobs import WORLDS
 from .experiment import Row
-from .results import Failure, Result
+from .results import Comparison, Failure, Line, Result
 from .spec import RunSpec
 from .statistics import Group, Trial, compare, line
 
@@ -64,7 +64,6 @@ def table(
     ways: Sequence[Way],
     *,
     more: More = lambda way, rows, world: {},
-    remarks: Sequence[str] = (),
 ) -> Result:
     """Lines of every way and world, over the orders that every way planned whole.
 
@@ -74,23 +73,25 @@ def table(
         spec: what was asked for.
         ways: of its jobs.
         more: further figures of a line.
-        remarks: sentences under the table.
     """
     rows = [row for way in ways for row in way.rows]
-    lines, comparisons, told = [], [], list(remarks)
+    lines: list[Line] = []
+    comparisons: list[Comparison | None] = []
+    told: list[str] = []
     for items in dict.fromkeys(row["items"] for row in rows):
         sound = {way.name: way.sound(items) for way in ways}
-        whole = ({k for k, row in found.items() if row["planned"]} for found in sound.values())
-        common = sorted(set.intersection(*whole))
+        begun = [way for way in ways if sound[way.name]]
+        whole = ({k for k, row in found.items() if row["planned"]} for found in sound.values() if found)
+        common = sorted(set.intersection(*whole)) if begun else []
         drawn = {row["index"] for row in rows if row["items"] == items}
         told.append(
             f"Of {len(drawn)} orders of {items} items these are the {len(common)} that every way planned whole."
         )
         for world in WORLDS if common else ():
-            tried = {way.name: {k: sound[way.name][k] for k in common} for way in ways}
+            tried = {way.name: {k: sound[way.name][k] for k in common} for way in begun}
             trials = {name: _trials(found, world) for name, found in tried.items()}
             groups = {name: _group(found.values(), items, world) for name, found in tried.items()}
-            for way in ways:
+            for way in begun:
                 same = list(tried[way.name].values())
                 figures = _figures(way, list(sound[way.name].values()), same, world)
                 lines.append(
@@ -131,7 +132,7 @@ def _trials(rows: Mapping[int, Row], world: str) -> dict[int, Trial]:
     return {k: Trial(bool(row[world]["success"]), float(row[world]["cpu_s"])) for k, row in rows.items()}
 
 
-def _group(rows: Any, items: str, world: str) -> Group:
+def _group(rows: Iterable[Row], items: str, world: str) -> Group:
     first = next(iter(rows))
     return Group(first["constraints"], first["setting"], items, world)
 

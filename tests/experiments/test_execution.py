@@ -170,6 +170,13 @@ def test_where_nothing_is_common_there_is_no_line() -> None:
         assert not execution.summarize(RunSpec(columns=("paper", "cautious")), found).lines
 
 
+def test_a_column_that_is_not_begun_keeps_no_other_from_its_line() -> None:
+    asked = RunSpec(columns=("paper", "cautious"))
+    result = execution.summarize(asked, [row("paper", 0), broken("cautious", 0)])
+    assert [(line.method, line.n) for line in result.lines] == [("paper", 1), ("paper", 1)]
+    assert result.broken == 1
+
+
 def test_the_table_does_not_depend_on_the_sequence_of_rows() -> None:
     ways = [Way("a", [row("a", k, success=k % 3 > 0) for k in range(9)], paper=Paper(1.0, 1.0, 1.0))]
     ways += [Way("b", [row("b", k, success=k % 2 > 0) for k in range(9)], "a")]
