@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from packenv.config import EngineName
-from packenv.execution.execute import execute
+from packenv.execution.execute import ExecutedPlan, execute
 from packenv.items.plan_items import shelf_for, shelf_of
 from packenv.sim.engines import engine_config
 from packenv.sim.physics_items import PhysicsItem
@@ -127,10 +127,20 @@ def work(job: ExecutionJob) -> dict[str, Any]:
     return row
 
 
-def carry_out(job: ExecutionJob, plan: Plan, world: str) -> dict[str, Any]:
-    """What a row keeps of an execution."""
-    start = time.process_time()
-    executed = execute(
+def plan_again(job: ExecutionJob) -> Plan | ExecutedPlan:
+    """The plan of a job, carried out in the first world in which it fails, else in the last one; alone if not whole."""
+    _, plan = planned(job)
+    if not plan.complete:
+        return plan
+    for world in WORLDS:
+        done = _executed(job, plan, world)
+        if not done.success:
+            break
+    return done
+
+
+def _executed(job: ExecutionJob, plan: Plan, world: str) -> ExecutedPlan:
+    return execute(
         plan,
         Worker.store.catalogue,
         feel=job.feel,
@@ -139,6 +149,12 @@ def carry_out(job: ExecutionJob, plan: Plan, world: str) -> dict[str, Any]:
         full_settle=job.full_settle,
         engine=job.engine,
     )
+
+
+def carry_out(job: ExecutionJob, plan: Plan, world: str) -> dict[str, Any]:
+    """What a row keeps of an execution."""
+    start = time.process_time()
+    executed = _executed(job, plan, world)
     seconds = time.process_time() - start
     found = figures(executed.execution, shelf_of(plan, Worker.store.catalogue).physics)
     if executed.leftovers:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 from .execution_jobs import WORLDS
@@ -104,8 +104,9 @@ def table(
                     )
                 )
                 if way.against in trials:
+                    both = _both(groups[way.name], groups[way.against])
                     pair = trials[way.name], trials[way.against]
-                    comparisons.append(compare(way.name, way.against, groups[way.name], *pair))
+                    comparisons.append(compare(way.name, way.against, both, *pair))
     return Result(
         experiment,
         title,
@@ -137,6 +138,11 @@ def _group(rows: Iterable[Row], items: str, world: str) -> Group:
     return Group(first["constraints"], first["setting"], items, world)
 
 
+def _both(a: Group, b: Group) -> Group:
+    """What two lines have in common."""
+    return a if a.constraints == b.constraints else replace(a, constraints="")
+
+
 def _figures(way: Way, sound: Sequence[Row], rows: Sequence[Row], world: str) -> Figures:
     """Columns that all tables of executions have.
 
@@ -148,12 +154,13 @@ def _figures(way: Way, sound: Sequence[Row], rows: Sequence[Row], world: str) ->
     """
     found = [row[world] for row in rows]
     causes = Counter(execution["cause"] for execution in found if not execution["success"])
-    paper = way.paper if world == "nominal" else None
+    paper: Figures = {}
+    if way.paper and world == "nominal":
+        paper = {"paper: drop, cm": way.paper.drop_cm, "paper: shift, cm": way.paper.shift_cm}
     return {
         "planned, %": 100.0 * statistics.fmean(row["planned"] for row in sound),
         **moves(found),
-        "paper: drop, cm": paper.drop_cm if paper else None,
-        "paper: shift, cm": paper.shift_cm if paper else None,
+        **paper,
         "collisions, %": 100.0 * causes["collision"] / len(found),
         "failures": ", ".join(f"{cause} {n}" for cause, n in causes.most_common()),
         "plans an order": statistics.fmean(execution["plans"] for execution in found),

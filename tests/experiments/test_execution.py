@@ -12,9 +12,18 @@ from typing import Any
 import pytest
 
 from packenv.errors import InputError
+from packenv.execution.execute import ExecutedPlan
 from packenv.experiments import execution
 from packenv.experiments.columns import COLUMNS, USUAL, chosen
-from packenv.experiments.execution_jobs import carry_out, figures, planned, prepare, work
+from packenv.experiments.execution_jobs import (
+    WORLDS,
+    carry_out,
+    figures,
+    plan_again,
+    planned,
+    prepare,
+    work,
+)
 from packenv.experiments.execution_tables import Paper, Way, moves, table
 from packenv.experiments.spec import RunSpec
 from packenv.sim.engines import is_there
@@ -55,6 +64,18 @@ def test_a_row_is_the_same_after_json_and_from_whoever_makes_it(spec: RunSpec) -
         assert without_time(work(job)) == without_time(row)
         plan = Path(spec.catalogue) / row["plan"]
         assert json.loads(plan.read_text())["steps"]
+
+
+def test_a_job_is_shown_in_the_world_in_which_it_fails(spec: RunSpec) -> None:
+    for job in execution.jobs(spec):
+        row, shown = work(job), plan_again(job)
+        assert isinstance(shown, ExecutedPlan)
+        failed = [world for world in WORLDS if not row[world]["success"]]
+        assert shown.success is not bool(failed)
+        assert (shown.disturbance is None) is (failed[:1] == ["nominal"])
+        assert shown.verdict == (
+            "success" if not failed else f"{row[failed[0]]['cause']}: {row[failed[0]]['detail']}"
+        )
 
 
 def test_the_world_of_an_order_is_the_same_in_all_columns(spec: RunSpec) -> None:
@@ -144,6 +165,8 @@ def test_columns_are_compared_on_the_orders_that_all_of_them_planned() -> None:
         ("cautious", "paper", 2, 1, 0, "nominal"),
         ("cautious", "paper", 2, 1, 0, "disturbed"),
     ]
+    assert nominal.figures["paper: drop, cm"] == 1.36
+    assert "paper: drop, cm" not in lines["cautious", "nominal"].figures
     assert result.broken == 1
     why: dict[tuple[str, int], list[str]] = defaultdict(list)
     for failure in result.failures:
