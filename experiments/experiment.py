@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
 from packenv.io.rows import row_key
-from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container
@@ -73,8 +72,7 @@ class Experiment:
         timeout: seconds after which a job is given up.
         prepare: called once in each worker, with the folder of the run as well.
         work: a job to the figures of its row; module-level, as it is pickled.
-        jobs: all jobs that it wants, seen the rows that are there: asked again when they are done, until it wants
-            no more. Called in a process that is prepared.
+        jobs: all jobs that it wants; called in a process that is prepared.
         summarize: the rows of its jobs to its tables.
     """
 
@@ -84,5 +82,5 @@ class Experiment:
     timeout: float
     prepare: Callable[[RunSpec, str], None]
     work: Callable[[Any], dict[str, Any]]
-    jobs: Callable[[RunSpec, ItemShelf, Sequence[Row]], Sequence[Job]]
+    jobs: Callable[[RunSpec], Sequence[Job]]
     summarize: Callable[[RunSpec, Sequence[Row]], Result]
