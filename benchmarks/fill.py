@@ -31,9 +31,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting
 from packenv.experiments.revision import revision
 from packenv.experiments.runner import Pool, finish
-from packenv.experiments.orders import fitting
 from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.containers import parse_container, read_boxes

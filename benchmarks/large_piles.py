@@ -27,9 +27,9 @@ import numpy as np
 
 from packenv.cli.exit_codes import reported
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.revision import revision
 from packenv.experiments.runner import Pool, finish
-from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key

@@ -30,9 +30,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.execution.execute import execute
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.revision import revision
 from packenv.experiments.runner import Pool, finish
-from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key

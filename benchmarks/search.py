@@ -31,9 +31,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
+from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.revision import revision
 from packenv.experiments.runner import Pool, finish
-from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.containers import parse_container, read_boxes
@@ -357,7 +357,9 @@ def main() -> int:
     for row in found.broken:
         print(f"search: {row['error']}", file=sys.stderr)
     return (
-        1 if found.broken or any(line["overlaps"] + line["protrusions"] + line["blocked"] for line in lines) else 0
+        1
+        if found.broken or any(line["overlaps"] + line["protrusions"] + line["blocked"] for line in lines)
+        else 0
     )
 
 

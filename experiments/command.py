@@ -5,27 +5,35 @@ from __future__ import annotations
 from . import one_thread  # noqa: F401  isort: skip
 
 import argparse
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from packenv import api
 from packenv.cli.bench import EXPERIMENTS
-from packenv.cli.output import remark, say, say_json
+from packenv.cli.output import Terminal, remark, say, say_json
 from packenv.errors import InputError
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import read_rows
+from packenv.items.plan_items import Items
 from packenv.planning.assembly import heuristic_of
 from packenv.planning.options import PlanOptions
+from packenv.types import Plan
 
 from .experiment import Experiment, Job, Row
 from .folder import RunFolder, Shard, merge_rows
 from .planning import GLS
 from .registry import experiment
+from .report import text_table, write_report
 from .results import Result
 from .revision import revision
 from .runner import Finished, Pool, finish
 from .setting import options_of
 from .spec import RunSpec
+from .words import commands_of
+
+if TYPE_CHECKING:
+    from packenv.execution.execute import ExecutedPlan
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -65,6 +73,8 @@ class _Done:
     rows: Sequence[Row]
     jobs: Sequence[Job]
     missing: int
+    new: int
+    each: Experiment
 
 
 def _finished(
@@ -95,7 +105,7 @@ def _finished(
         what=each.name,
     )
     _say_of_others(each.name, found, any_revision=any_revision)
-    return _Done(each.summarize(spec, found.rows), found.rows, jobs, found.missing)
+    return _Done(each.summarize(spec, found.rows), found.rows, jobs, found.missing, found.new, each)
 
 
 def _say_of_others(name: str, found: Finished, *, any_revision: bool) -> None:
@@ -175,13 +185,16 @@ def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done
         say_json({**document, "rows": rows, "missing_jobs": sum(each.missing for each in done)})
     else:
         for each in done:
-            say(json.dumps(each.result.to_json(), indent=1))
+            say(text_table(each.result))
+            say()
     for each in done:
         if each.missing:
             remark(f"{each.result.experiment}: {each.missing} jobs have no row yet")
         for failure in each.result.failures:
             if failure.why.startswith("job "):
                 remark(f"{each.result.experiment}: {failure.method}, order {failure.index}: {failure.why}")
+    if not arguments.no_report:
+        _write_report(folder, done, anew=arguments.action in ("merge", "report"))
     broken = sum(result.broken for result in results) + sum(each.missing for each in done)
     findings = sum(
         int(row.get(name, 0))
@@ -190,6 +203,43 @@ def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done
         for name in ("overlaps", "protrusions", "blocked")
     )
     return 1 if broken or findings else 0
+
+
+@dataclass(frozen=True)
+class _PlansAgain:
+    """Plans of rows, for a report."""
+
+    catalogue: Items
+    done: Mapping[str, _Done]
+
+    def plan_of(self, experiment: str, row: Row) -> Plan | ExecutedPlan:
+        """The plan of a row, made again."""
+        done = self.done[experiment]
+        return done.each.again(next(job for job in done.jobs if job.key == row["key"]))
+
+
+def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> None:
+    """Write the report, unless it is there and no row is new."""
+    page = folder.path / "report.html"
+    if page.exists() and not anew and not any(each.new for each in done):
+        return
+    named = {each.result.experiment: each for each in done}
+    specs = {name: each.result.spec for name, each in named.items()}
+    spec = done[0].result.spec
+    pictures = _PlansAgain(api.load_catalogue(spec.catalogue, unit=spec.unit), named)
+    try:
+        write_report(
+            folder.path,
+            [each.result for each in done],
+            {name: each.rows for name, each in named.items()},
+            pictures,
+            command="\n".join(commands_of(specs, folder.path)),
+            watcher=Terminal(),
+        )
+    except InputError as problem:  # the rows are there, and the table was printed
+        remark(f"no report: {problem}")
+    else:
+        remark(f"wrote {page} and {page.with_suffix('.md')}")
 
 
 def _figures(arguments: argparse.Namespace) -> int:

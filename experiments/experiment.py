@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.io.rows import row_key
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
-from packenv.types import Container
+from packenv.types import Container, Plan
 
 from .results import Result
 from .spec import RunSpec
+
+if TYPE_CHECKING:
+    from packenv.execution.execute import ExecutedPlan
 
 Row: TypeAlias = Mapping[str, Any]
 """One job's row, as JSON has it: what :meth:`Job.head` says, then ``key``, ``status`` (``ok``, ``failed``,
@@ -74,6 +77,7 @@ class Experiment:
         work: a job to the figures of its row; module-level, as it is pickled.
         jobs: all jobs that it wants; called in a process that is prepared.
         summarize: the rows of its jobs to its tables.
+        again: a job's plan, or what became of it in physics, made again to be looked at.
     """
 
     name: str
@@ -84,3 +88,4 @@ class Experiment:
     work: Callable[[Any], dict[str, Any]]
     jobs: Callable[[RunSpec], Sequence[Job]]
     summarize: Callable[[RunSpec, Sequence[Row]], Result]
+    again: Callable[[Any], Plan | ExecutedPlan]

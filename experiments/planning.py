@@ -21,10 +21,11 @@ from packenv.planning.search.orientations import perturbations
 from packenv.types import Container, Order, Plan
 from packenv.verification.exact_meshes import audit_plan
 
-from .experiment import ALL, UNSEEN, Experiment, Job
+from .experiment import ALL, UNSEEN, Experiment, Job, Row
 from .orders import fitting, random_orders, small_orders, unseen_items
 from .plan_store import fingerprints
 from .planning_tables import fallback_table, heuristics_table, search5d_table, small_orders_table
+from .results import Result
 from .setting import options_of
 from .shelf import open_shelf
 from .spec import RunSpec
@@ -211,22 +212,16 @@ def fallback_jobs(spec: RunSpec) -> list[Job]:
     return _jobs(spec, (spec.box,), partial(_large, spec.items), ways)
 
 
-HEURISTICS = Experiment(
-    "heuristics",
-    "Heuristics on large orders",
-    "planning",
-    _TIMEOUT,
-    prepare,
-    work,
-    heuristics_jobs,
-    heuristics_table,
-)
-SMALL_ORDERS = Experiment(
-    "small-orders", "Small orders", "planning", _TIMEOUT, prepare, work, small_orders_jobs, small_orders_table
-)
-SEARCH5D = Experiment(
-    "search5d", "5D search alone", "planning", _TIMEOUT, prepare, work, search5d_jobs, search5d_table
-)
-FALLBACK = Experiment(
-    "fallback", "Fallback", "planning", _TIMEOUT, prepare, work, fallback_jobs, fallback_table
-)
+def _experiment(
+    name: str,
+    title: str,
+    jobs: Callable[[RunSpec], list[Job]],
+    table: Callable[[RunSpec, Sequence[Row]], Result],
+) -> Experiment:
+    return Experiment(name, title, "planning", _TIMEOUT, prepare, work, jobs, table, plan_again)
+
+
+HEURISTICS = _experiment("heuristics", "Heuristics on large orders", heuristics_jobs, heuristics_table)
+SMALL_ORDERS = _experiment("small-orders", "Small orders", small_orders_jobs, small_orders_table)
+SEARCH5D = _experiment("search5d", "5D search alone", search5d_jobs, search5d_table)
+FALLBACK = _experiment("fallback", "Fallback", fallback_jobs, fallback_table)

@@ -68,6 +68,7 @@ class Finished:
         rows: one of each job that has one, in the sequence of the jobs.
         broken: those of them that tell of a failure.
         missing: jobs without a row; none unless only rows that are there were asked for.
+        new: rows that were made now.
         others: how many rows of these jobs other revisions left, by revision; they are not among ``rows`` unless
             they were asked for.
     """
@@ -75,6 +76,7 @@ class Finished:
     rows: tuple[Row, ...]
     broken: tuple[Row, ...] = ()
     missing: int = 0
+    new: int = 0
     others: Counter[str] = field(default_factory=Counter)
 
 
@@ -125,6 +127,7 @@ def finish(
                 if own or (any_revision and row["key"] not in found):
                     found[row["key"]] = row
         missing = [job for key, job in wanted.items() if key not in found or "error" in found[key]]
+        new = 0
         if missing and not only_read:
             rows = run_jobs(
                 _Timed(work),
@@ -140,11 +143,13 @@ def finish(
                 row = {"key": key, **status, **(head(wanted[key]) if head else {}), **figures}
                 file.append(row)
                 found[key] = row
+                new += 1
     rows_in_turn = tuple(found[key] for key in wanted if key in found)
     return Finished(
         rows_in_turn,
         tuple(row for row in rows_in_turn if "error" in row),
         len(wanted) - len(rows_in_turn),
+        new,
         others,
     )
 
