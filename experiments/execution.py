@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from .columns import Column, chosen
-from .execution_jobs import TIMEOUT, ExecutionJob, in_turn, prepare, work
+from .execution_jobs import ExecutionJob, experiment, in_turn
 from .execution_tables import Paper, Way, table
-from .experiment import Experiment, Row
+from .experiment import Row
 from .orders import random_orders, small_orders
 from .planning import challenge_boxes
 from .results import Result
@@ -53,14 +53,5 @@ def summarize_small(spec: RunSpec, rows: Sequence[Row]) -> Result:
     return table(EXECUTION_SMALL.name, EXECUTION_SMALL.title, spec, columns)
 
 
-EXECUTION = Experiment("execution", "Executions", "execution", TIMEOUT, prepare, work, jobs, summarize)
-EXECUTION_SMALL = Experiment(
-    "execution-small",
-    "Executions of small orders",
-    "execution",
-    TIMEOUT,
-    prepare,
-    work,
-    jobs_small,
-    summarize_small,
-)
+EXECUTION = experiment("execution", "Executions", jobs, summarize)
+EXECUTION_SMALL = experiment("execution-small", "Executions of small orders", jobs_small, summarize_small)

@@ -18,9 +18,10 @@ from packenv.types import Container, Plan
 
 from . import planning
 from .columns import CAUTIOUS, Column
-from .experiment import Job
+from .experiment import Experiment, Job, Row
 from .orders import fitting
 from .plan_store import PlanStore, fingerprints
+from .results import Result
 from .revision import revision
 from .setting import options_of
 from .spec import RunSpec
@@ -179,3 +180,13 @@ def figures(execution: Execution, physics: Mapping[str, PhysicsItem]) -> dict[st
         "at_rest": all(outcome.at_rest for outcome in execution.items),
         "simulated_s": execution.simulated_s,
     }
+
+
+def experiment(
+    name: str,
+    title: str,
+    jobs: Callable[[RunSpec], list[ExecutionJob]],
+    table: Callable[[RunSpec, Sequence[Row]], Result],
+) -> Experiment:
+    """An experiment on executions: all of them share their rows."""
+    return Experiment(name, title, "execution", TIMEOUT, prepare, work, jobs, table, plan_again)

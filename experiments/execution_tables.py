@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 from .execution_jobs import WORLDS
-from .experiment import Row
+from .experiment import UNSEEN, Row
 from .results import Comparison, Failure, Line, Result
 from .spec import RunSpec
 from .statistics import Group, Trial, compare, line
@@ -84,8 +84,9 @@ def table(
         whole = ({k for k, row in found.items() if row["planned"]} for found in sound.values() if found)
         common = sorted(set.intersection(*whole)) if begun else []
         drawn = {row["index"] for row in rows if row["items"] == items}
+        unseen = " of items that nothing was tuned on" if items == UNSEEN else ""
         told.append(
-            f"Of {len(drawn)} orders of {items} items these are the {len(common)} that every way planned whole."
+            f"Of {len(drawn)} orders drawn{unseen} these are the {len(common)} that every way planned whole."
         )
         for world in WORLDS if common else ():
             tried = {way.name: {k: sound[way.name][k] for k in common} for way in begun}

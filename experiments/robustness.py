@@ -18,7 +18,17 @@ from packenv.planning.robustness import least_of, measure_robustness
 
 from .columns import Column
 from .execution import ways
-from .execution_jobs import TIMEOUT, WORLDS, ExecutionJob, Worker, carry_out, in_turn, planned, prepare
+from .execution_jobs import (
+    TIMEOUT,
+    WORLDS,
+    ExecutionJob,
+    Worker,
+    carry_out,
+    in_turn,
+    plan_again,
+    planned,
+    prepare,
+)
 from .execution_tables import Figures, Way, table
 from .experiment import Experiment, Row
 from .orders import random_orders
@@ -89,5 +99,13 @@ def told(figures: Sequence[float], successes: Sequence[bool]) -> float | None:
 
 
 ROBUSTNESS = Experiment(
-    "robustness", "What figures of robustness tell", "robustness", TIMEOUT, prepare, work, jobs, summarize
+    "robustness",
+    "What figures of robustness tell",
+    "robustness",
+    TIMEOUT,
+    prepare,
+    work,
+    jobs,
+    summarize,
+    plan_again,
 )

@@ -16,7 +16,7 @@ import numpy as np
 from packenv.config import EngineName
 
 from .columns import chosen
-from .execution_jobs import TIMEOUT, ExecutionJob, in_turn, prepare, work
+from .execution_jobs import ExecutionJob, experiment, in_turn
 from .execution_tables import Figures, Way, table
 from .experiment import Experiment, Row
 from .orders import random_orders
@@ -57,9 +57,7 @@ def early_rest_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     return _table(EARLY_REST, spec, rows, lambda row: FULL_TIME if row["full_settle"] else UNTIL_REST)
 
 
-def _table(
-    experiment: Experiment, spec: RunSpec, rows: Sequence[Row], variant: Callable[[Row], str]
-) -> Result:
+def _table(asked: Experiment, spec: RunSpec, rows: Sequence[Row], variant: Callable[[Row], str]) -> Result:
     """Of each column the variants in the sequence in which their jobs come, each against the first."""
     ways: list[Way] = []
     first: dict[str, Way] = {}
@@ -75,7 +73,7 @@ def _table(
         others = {(row["items"], row["index"]): row for row in named[way.against].rows} if way.against else {}
         return agreement([(row[world], others[row["items"], row["index"]][world]) for row in same if others])
 
-    return table(experiment.name, experiment.title, spec, ways, more=more)
+    return table(asked.name, asked.title, spec, ways, more=more)
 
 
 def agreement(pairs: Sequence[tuple[Row, Row]]) -> Figures:
@@ -100,16 +98,7 @@ def agreement(pairs: Sequence[tuple[Row, Row]]) -> Figures:
     }
 
 
-TWO_ENGINES = Experiment(
-    "engines", "Two physics engines", "execution", TIMEOUT, prepare, work, engine_jobs, engines_table
-)
-EARLY_REST = Experiment(
-    "early-rest",
-    "Settling until rest, and for the full time",
-    "execution",
-    TIMEOUT,
-    prepare,
-    work,
-    early_rest_jobs,
-    early_rest_table,
+TWO_ENGINES = experiment("engines", "Two physics engines", engine_jobs, engines_table)
+EARLY_REST = experiment(
+    "early-rest", "Settling until rest, and for the full time", early_rest_jobs, early_rest_table
 )
