@@ -83,7 +83,7 @@ def in_turn(
     """
     engine = engine_config(spec.engine).name
     shelf = shelf_for(Worker.store.catalogue, CAUTIOUS)
-    orders = list(planning.drawn(spec, fitting(shelf.prepared, boxes[-1], shelf.grid), draw))
+    orders = list(planning.drawn(spec, fitting(shelf.prepared, boxes[-1], shelf.grid), boxes[-1], draw))
     for start in range(0, len(orders), _BLOCK):
         for column in columns:
             options = column.options
