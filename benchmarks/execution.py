@@ -32,7 +32,7 @@ each of ``rules`` (``paper``, ``default``, ``physics``):
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import functools

@@ -24,9 +24,9 @@ from packenv.sim.session import Execution, feeling
 from packenv.types import Item, Plan
 from packenv.version import __version__
 
-from .finish import finish
 from .physics_orders import GRID, Worker, drawn_orders, options, prepare
 from .plan_store import fingerprints
+from .runner import finish
 
 
 @dataclass(frozen=True)

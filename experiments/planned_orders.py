@@ -16,9 +16,9 @@ from packenv.types import Plan
 from packenv.version import __version__
 
 from .execution import COLUMNS
-from .finish import finish
 from .physics_orders import GRID, Worker, drawn_orders, options, prepare
 from .plan_store import fingerprints
+from .runner import finish
 
 _TIMEOUT = 3600.0
 

@@ -27,9 +27,9 @@ from packenv.io.rows import row_key
 from packenv.planning.options import PlanOptions
 from packenv.planning.robustness import least_of, measure_robustness
 
-from .finish import finish, product_code
 from .physics_orders import GRID, Worker, drawn_orders, options, prepare
 from .plan_store import fingerprints
+from .runner import finish, product_code
 
 CLEARANCES = (0.0, 0.005)
 """M."""

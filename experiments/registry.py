@@ -1,0 +1,28 @@
+"""The experiments by name."""
+
+from __future__ import annotations
+
+from packenv.cli.bench import EXPERIMENTS, FURTHER
+from packenv.errors import InputError, closest_match
+
+from .experiment import Experiment
+
+
+def experiment(name: str) -> Experiment:
+    """The experiment of a name; physics is loaded only with those that need it.
+
+    Raises:
+        InputError: there is none.
+    """
+    from .planning import FALLBACK, HEURISTICS, SEARCH5D, SMALL_ORDERS
+
+    found = {e.name: e for e in (SMALL_ORDERS, HEURISTICS, FALLBACK, SEARCH5D)}
+    if name in found:
+        return found[name]
+    if name == "execution":
+        from .execution import EXECUTION
+
+        return EXECUTION
+    known = (*EXPERIMENTS, *FURTHER)
+    hint = closest_match(name, known, f"; choose from {', '.join(known)}")
+    raise InputError(f"bench: there is no experiment {name!r:.40}{hint}")
