@@ -243,7 +243,22 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
 
 
 def _figures(arguments: argparse.Namespace) -> int:
-    raise InputError("bench figures: not there yet")
+    """The paper's figures, and a page of them."""
+    from .figures import write_figures
+
+    made = write_figures(
+        arguments.catalogue,
+        arguments.out,
+        unit=arguments.unit,
+        seed=arguments.seed,
+        engine=arguments.engine,
+        watcher=Terminal(),
+    )
+    for figure in made:
+        say(f"{figure.title} (the paper: {figure.paper})")
+        for path in figure.files:
+            say(f"  {path}")
+    return 0
 
 
 def spec_of(arguments: argparse.Namespace) -> RunSpec:
