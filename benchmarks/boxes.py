@@ -9,7 +9,7 @@ same ``--out``, it goes on.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json
@@ -26,8 +26,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.execution.planning_job import PlanningJob
 from packenv.execution.smallest_box import pack_smallest
-from packenv.experiments.finish import finish, product_code
 from packenv.experiments.orders import fitting, small_orders
+from packenv.experiments.revision import revision
+from packenv.experiments.runner import Pool, finish
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import read_boxes
 from packenv.io.rows import row_key
@@ -60,7 +61,7 @@ class Job:
         """Hash of all that the row depends on."""
         sizes = [box.size for box in self.boxes]
         own = [own_code(options) for options in self.options]
-        return row_key(product_code(), (self.options, sizes, self.order, self.meshes), own)
+        return row_key((self.options, sizes, self.order, self.meshes), own)
 
 
 class _Worker:
@@ -162,11 +163,12 @@ def main() -> int:
         Job(each, boxes, tuple(order), tuple(shelf.items[name].sha256[:16] for name in order))
         for order in small_orders(sorted(fits), arguments.orders, arguments.seed)
     ]
-    done, failed = finish(
+    found = finish(
         work,
         jobs,
         out=arguments.out,
-        workers=0,
+        pool=Pool("serial"),
+        revision=revision(work),
         timeout=3600.0,
         prepare=prepare,
         arguments=(arguments.catalogue, options),
@@ -176,13 +178,13 @@ def main() -> int:
         "boxes": [box.full_label for box in boxes],
         "seconds": arguments.seconds,
         "constraints": options.constraints,
-        **summarize([row for row in done if "error" not in row]),
-        "failed_jobs": failed,
+        **summarize([row for row in found.rows if "error" not in row]),
+        "failed_jobs": list(found.broken),
     }
     print(json.dumps(report, indent=1) if arguments.json else table(report))
-    for row in failed:
+    for row in found.broken:
         print(f"boxes: {row['error']}", file=sys.stderr)
-    return 1 if failed or any(own["faults"] for own in report["methods"].values()) else 0
+    return 1 if found.broken or any(own["faults"] for own in report["methods"].values()) else 0
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ played until ``--steps`` steps are timed. Items are loaded and code is compiled 
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import functools

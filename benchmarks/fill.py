@@ -12,7 +12,7 @@ Stopped and started again with the same ``--out``, it goes on.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json
@@ -31,8 +31,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
-from packenv.experiments.finish import finish, product_code
 from packenv.experiments.orders import fitting
+from packenv.experiments.revision import revision
+from packenv.experiments.runner import Pool, finish
 from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.containers import parse_container, read_boxes
@@ -68,7 +69,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(product_code(), self, own_code(self.options))
+        return row_key(self, own_code(self.options))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,11 +237,12 @@ def main() -> int:
         for mode in arguments.modes
         for buffer in dict.fromkeys(arguments.buffers)
     ]
-    done, failed = finish(
+    found = finish(
         work,
         jobs,
         out=arguments.out,
-        workers=arguments.workers if arguments.workers > 1 else 0,
+        pool=Pool("pebble" if arguments.workers > 1 else "serial", arguments.workers),
+        revision=revision(work),
         timeout=3600.0,
         prepare=prepare,
         arguments=(arguments.catalogue, options),
@@ -249,22 +251,22 @@ def main() -> int:
         "catalogue": arguments.catalogue,
         "container": box.label,
         "sequences": arguments.sequences,
-        "modes": summarize(done),
-        "failed_jobs": failed,
+        "modes": summarize(found.rows),
+        "failed_jobs": list(found.broken),
     }
     if arguments.json:
         print(json.dumps(report, indent=1))
     else:
         print(f"{'mode':<10}{'buffer':>6}{'utilization':>13}{'compactness':>13}{'items':>7}{'CPU s':>9}")
-        for mode, buffers in summarize(done).items():
+        for mode, buffers in summarize(found.rows).items():
             for buffer, line in buffers.items():
                 print(
                     f"{mode:<10}{buffer:>6}{line['utilization']:>13.1%}{line['compactness']:>13.1%}"
                     f"{line['items']:>7.1f}{line['cpu_s']:>9.2f}"
                 )
-    for row in failed:
+    for row in found.broken:
         print(f"fill: {row['error']}", file=sys.stderr)
-    return 1 if failed else 0
+    return 1 if found.broken else 0
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ share of containers, filled until three items in a row find no place, that hold 
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

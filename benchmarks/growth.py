@@ -8,7 +8,7 @@ asking the time has its price. ``--svg`` draws the medians over the sizes.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

@@ -8,7 +8,7 @@ top-down paths into the 0.32x0.32x0.30 container. Times are CPU times of one thr
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

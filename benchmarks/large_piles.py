@@ -11,7 +11,7 @@ Stopped and started again with the same ``--out``, it goes on.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json
@@ -27,8 +27,9 @@ import numpy as np
 
 from packenv.cli.exit_codes import reported
 from packenv.execution.planning_job import PlanningJob
-from packenv.experiments.finish import finish, product_code
 from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.revision import revision
+from packenv.experiments.runner import Pool, finish
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key
@@ -71,7 +72,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(product_code(), self)
+        return row_key(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +206,12 @@ def main() -> int:
         Job(box.size, tuple(order), sizes, tuple(shelf.items[name].sha256[:16] for name in order))
         for order in random_orders(names, arguments.size, arguments.orders, arguments.seed)
     ]
-    done, failed = finish(
+    found = finish(
         work,
         jobs,
         out=arguments.out,
-        workers=arguments.workers if arguments.workers > 1 else 0,
+        pool=Pool("pebble" if arguments.workers > 1 else "serial", arguments.workers),
+        revision=revision(work),
         timeout=3600.0,
         prepare=prepare,
         arguments=(arguments.catalogue,),
@@ -218,8 +220,8 @@ def main() -> int:
         "catalogue": arguments.catalogue,
         "container": box.label,
         "orders": arguments.orders,
-        **summarize(done),
-        "failed_jobs": failed,
+        **summarize(found.rows),
+        "failed_jobs": list(found.broken),
     }
     if arguments.json:
         print(json.dumps(report, indent=1))
@@ -233,9 +235,9 @@ def main() -> int:
                 f"{way:<10}{line['questions']:>7}{line['stable']:>8}{line['agree']:>7}"
                 f"{line['cvxpy_undecided']:>6}{ours:>10.2f}{theirs:>10.0f}"
             )
-    for row in failed:
+    for row in found.broken:
         print(f"large_piles: {row['error']}", file=sys.stderr)
-    return 1 if failed else 0
+    return 1 if found.broken else 0
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ it goes on.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json
@@ -30,8 +30,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.execution.execute import execute
 from packenv.execution.planning_job import PlanningJob
-from packenv.experiments.finish import finish, product_code
 from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.revision import revision
+from packenv.experiments.runner import Pool, finish
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
 from packenv.io.rows import row_key
@@ -64,7 +65,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(product_code(), self, own_code(self.options))
+        return row_key(self, own_code(self.options))
 
 
 class _Worker:
@@ -200,11 +201,12 @@ def main() -> int:
             arguments.seed,
         )
     ]
-    done, failed = finish(
+    found = finish(
         work,
         jobs,
         out=arguments.out,
-        workers=arguments.workers if arguments.workers > 1 else 0,
+        pool=Pool("pebble" if arguments.workers > 1 else "serial", arguments.workers),
+        revision=revision(work),
         timeout=3600.0,
         prepare=prepare,
         arguments=(arguments.catalogue, options),
@@ -214,13 +216,13 @@ def main() -> int:
         "container": box.label,
         "items": arguments.size,
         "seconds": arguments.seconds,
-        **summarize([row for row in done if "error" not in row]),
-        "failed_jobs": failed,
+        **summarize([row for row in found.rows if "error" not in row]),
+        "failed_jobs": list(found.broken),
     }
     print(json.dumps(report, indent=1) if arguments.json else table(report))
-    for row in failed:
+    for row in found.broken:
         print(f"layouts: {row['error']}", file=sys.stderr)
-    return 1 if failed else 0
+    return 1 if found.broken else 0
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ bears nothing or little, a fifth must be upright), where candidates are refused 
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

@@ -12,7 +12,7 @@ flat spot in any; the paper's rule takes all of them, as it asks nothing of the 
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

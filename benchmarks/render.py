@@ -9,7 +9,7 @@ is the machine's load average in the last minute (none on Windows).
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

@@ -11,7 +11,7 @@ settings, or of other code, are left alone.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json
@@ -31,8 +31,9 @@ from packenv.cli.pack import options_from
 from packenv.cli.parser import grid_options, planning_options
 from packenv.errors import InputError
 from packenv.execution.planning_job import PlanningJob
-from packenv.experiments.finish import finish, product_code
 from packenv.experiments.orders import fitting, random_orders
+from packenv.experiments.revision import revision
+from packenv.experiments.runner import Pool, finish
 from packenv.experiments.shelf import open_shelf
 from packenv.geometry.prepare import PreparedItem
 from packenv.io.containers import parse_container, read_boxes
@@ -79,7 +80,7 @@ class Job:
     @property
     def key(self) -> str:
         """Hash of all that the row depends on."""
-        return row_key(product_code(), self, own_code(self.options))
+        return row_key(self, own_code(self.options))
 
 
 @dataclass(eq=False)
@@ -330,16 +331,17 @@ def main() -> int:
         for order in random_orders(names, arguments.size, arguments.orders, arguments.seed)
         for method in arguments.methods
     ]
-    done, failed = finish(
+    found = finish(
         work,
         jobs,
         out=arguments.out,
-        workers=arguments.workers if arguments.workers > 1 else 0,
+        pool=Pool("pebble" if arguments.workers > 1 else "serial", arguments.workers),
+        revision=revision(work),
         timeout=3600.0 + 10.0 * (seconds or 0.0),
         prepare=prepare,
         arguments=(arguments.catalogue, options),
     )
-    lines = summarize(done)
+    lines = summarize(found.rows)
     if arguments.svg and lines:
         draw(lines, arguments.svg)
     report = {
@@ -349,13 +351,15 @@ def main() -> int:
         "seconds": seconds,
         "constraints": options.constraints,
         "methods": lines,
-        "failed_jobs": failed,
+        "failed_jobs": list(found.broken),
     }
     print(json.dumps(report, indent=1) if arguments.json else table(lines))
-    for row in failed:
+    for row in found.broken:
         print(f"search: {row['error']}", file=sys.stderr)
     return (
-        1 if failed or any(line["overlaps"] + line["protrusions"] + line["blocked"] for line in lines) else 0
+        1
+        if found.broken or any(line["overlaps"] + line["protrusions"] + line["blocked"] for line in lines)
+        else 0
     )
 
 

@@ -10,7 +10,7 @@ item settles, of every fourth question where the pile is balanced; ``settle_ms``
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

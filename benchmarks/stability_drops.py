@@ -20,7 +20,7 @@ mm). The first place of an item that stays is where the pile grows. JSON keys:
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

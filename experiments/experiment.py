@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from packenv.io.rows import row_key
-from packenv.items.shelf import ItemShelf
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
-from packenv.types import Container
+from packenv.types import Container, Plan
 
 from .results import Result
 from .spec import RunSpec
+
+if TYPE_CHECKING:
+    from packenv.execution.execute import ExecutedPlan
 
 Row: TypeAlias = Mapping[str, Any]
 """One job's row, as JSON has it: what :meth:`Job.head` says, then ``key``, ``status`` (``ok``, ``failed``,
@@ -73,9 +75,9 @@ class Experiment:
         timeout: seconds after which a job is given up.
         prepare: called once in each worker, with the folder of the run as well.
         work: a job to the figures of its row; module-level, as it is pickled.
-        jobs: all jobs that it wants, seen the rows that are there: asked again when they are done, until it wants
-            no more. Called in a process that is prepared.
+        jobs: all jobs that it wants; called in a process that is prepared.
         summarize: the rows of its jobs to its tables.
+        again: a job's plan, or what became of it in physics, made again to be looked at.
     """
 
     name: str
@@ -84,5 +86,6 @@ class Experiment:
     timeout: float
     prepare: Callable[[RunSpec, str], None]
     work: Callable[[Any], dict[str, Any]]
-    jobs: Callable[[RunSpec, ItemShelf, Sequence[Row]], Sequence[Job]]
+    jobs: Callable[[RunSpec], Sequence[Job]]
     summarize: Callable[[RunSpec, Sequence[Row]], Result]
+    again: Callable[[Any], Plan | ExecutedPlan]

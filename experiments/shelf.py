@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 
 from packenv.config import GridConfig
-from packenv.items.catalogue import open_catalogue
+from packenv.items.plan_items import catalogue_of
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import Geometry
 
 
-def open_shelf(catalogue: str, geometry: Geometry = "mesh", grid: GridConfig | None = None) -> ItemShelf:
+def open_shelf(
+    catalogue: str, geometry: Geometry = "mesh", grid: GridConfig | None = None, unit: str | None = None
+) -> ItemShelf:
     """A shelf that forgets nothing; items are loaded when they are first asked for."""
-    opened = open_catalogue(catalogue)
+    opened = catalogue_of(catalogue, unit)
     return ItemShelf(opened, grid, geometry, field_memory=sys.maxsize, map_memory=sys.maxsize)

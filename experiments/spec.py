@@ -10,9 +10,6 @@ from packenv.errors import check_known
 from packenv.planning.options import Constraints
 from packenv.types import Container
 
-METHODS = ("hm", "dblf", "mta", "minz", "auto", "gls")
-"""The heuristics that are compared unless others are named, and guided local search."""
-
 
 @dataclass(frozen=True)
 class RunSpec:
@@ -21,17 +18,17 @@ class RunSpec:
     Attributes:
         catalogue: ``builtin`` or a folder.
         unit: of its meshes; None: metres.
-        orders: how many of each experiment; of ten-item orders so many that some method packs.
+        orders: how many of each experiment are drawn.
         seed: of the draw of orders.
         items: items of a large order.
         container: of large orders, inner size in m.
-        methods: heuristics, by name or as ``module:rule``, and ``gls``.
+        methods: heuristics, by name or as ``module:rule``, and ``gls``; empty: those of each experiment.
         constraints: under which they plan.
-        settings: of the planner, see :func:`packenv.experiments.setting.options_of`.
+        settings: of the planner, see :func:`packenv.experiments.setting.options_of`; empty: likewise.
         gls_plans: rounds of guided local search, the same number on every machine; paper: 5 times 300 s.
         unseen: items that nothing was tuned on: ``second-half``: every second one by name; or a file of names, one a
             line. Orders of these alone are rows of their own. None: no such rows.
-        columns: ways to plan and execute, of the experiment on executions.
+        columns: ways to plan and execute, of the experiment on executions; empty: the usual ones.
         engine: of executions.
     """
 
@@ -41,10 +38,10 @@ class RunSpec:
     seed: int = 0
     items: int = 10
     container: tuple[float, float, float] = (0.32, 0.32, 0.30)
-    methods: tuple[str, ...] = METHODS
+    methods: tuple[str, ...] = ()
     constraints: tuple[Constraints, ...] = ("overlap", "robot")
-    settings: tuple[str, ...] = ("default", "paper")
-    gls_plans: int = 500
+    settings: tuple[str, ...] = ()
+    gls_plans: int = 100
     unseen: str | None = None
     columns: tuple[str, ...] = ()
     engine: EngineName = "auto"

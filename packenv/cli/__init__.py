@@ -25,7 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = command_line().parse_args(argv)
 
     def work() -> int:
-        code: int = importlib.import_module(f"packenv.cli.{arguments.module}").run(arguments)
+        name = arguments.module
+        module = importlib.import_module(name if "." in name else f"packenv.cli.{name}")
+        code: int = module.run(arguments)
         return code
 
     return reported("robotpack", work)

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
+from packenv.cli.bench import add_bench
 from packenv.config import EngineName
 from packenv.errors import closest_match
 from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
@@ -56,6 +57,7 @@ def command_line() -> argparse.ArgumentParser:
     _add_execute(commands)
     _add_export(commands)
     _add_items(commands)
+    add_bench(commands)
     return parser
 
 

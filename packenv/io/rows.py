@@ -17,6 +17,23 @@ def row_key(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+def read_rows(path: Path) -> Iterator[dict[str, Any]]:
+    """The rows of a file in the sequence in which they were written; a last line without its end is no row.
+
+    Raises:
+        InputError: the file cannot be read, or holds something else than rows.
+    """
+    try:
+        lines = path.read_bytes().split(b"\n")
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}), give a file of rows") from None
+    for number, line in enumerate(lines[:-1], start=1):
+        yield _row(line, number, path)
+    # Rows are objects: what begins otherwise is no torn row but a file of somebody else's.
+    if lines[-1] and not lines[-1].startswith(b"{"):
+        raise _foreign(path, len(lines))
+
+
 class RowFile:
     """A JSONL file of rows with a ``key`` each. One process writes it; a killed one loses no finished row."""
 
@@ -28,24 +45,19 @@ class RowFile:
         """
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
-        content = path.read_bytes() if path.exists() else b""
-        whole = content[: content.rfind(b"\n") + 1]
-        torn = content[len(whole) :]
-        lines = enumerate(whole.split(b"\n")[:-1], start=1)
-        self._done = dict(_key(line, k, path) for k, line in lines)
-        if torn:
-            # Rows are objects: what begins otherwise is no torn row but a file of somebody else's.
-            if not torn.startswith(b"{"):
-                raise _foreign(path, whole.count(b"\n") + 1)
-            with path.open("r+b") as stream:
-                stream.truncate(len(whole))
+        self._done: dict[object, bool] = {}
+        if path.exists():
+            self._done = {str(row["key"]): "error" not in row for row in read_rows(path)}
+            content = path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            if whole < len(content):
+                with path.open("r+b") as stream:
+                    stream.truncate(whole)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """The last row of each job, in the order in which the jobs were first done."""
         if self.path.exists():
-            with self.path.open(encoding="utf-8") as stream:
-                rows = map(json.loads, stream)
-                yield from {row["key"]: row for row in rows}.values()
+            yield from {row["key"]: row for row in read_rows(self.path)}.values()
 
     def __contains__(self, key: object) -> bool:
         """Whether the job with this key has its row; one that tells of an ``error`` is done again."""
@@ -60,13 +72,14 @@ class RowFile:
         self._done[row["key"]] = "error" not in row
 
 
-def _key(line: bytes, number: int, path: Path) -> tuple[object, bool]:
-    """A row's key, and whether it tells of no error."""
+def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
+    """One row of a file."""
     try:
-        row = json.loads(line)
-        return str(row["key"]), "error" not in row
+        row: dict[str, Any] = json.loads(line)
+        row["key"]
     except (ValueError, TypeError, KeyError):
         raise _foreign(path, number) from None
+    return row
 
 
 def _foreign(path: Path, number: int) -> InputError:

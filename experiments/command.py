@@ -1,0 +1,307 @@
+"""``robotpack bench``: run experiments, merge shards, report."""
+
+from __future__ import annotations
+
+from . import one_thread  # noqa: F401  isort: skip
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from packenv import api
+from packenv.cli.bench import EXPERIMENTS
+from packenv.cli.output import Terminal, remark, say, say_json
+from packenv.errors import InputError
+from packenv.io.containers import parse_container, read_boxes
+from packenv.io.rows import read_rows
+from packenv.items.plan_items import Items
+from packenv.planning.assembly import heuristic_of
+from packenv.planning.options import PlanOptions
+from packenv.types import Plan
+
+from .experiment import Experiment, Job, Row
+from .folder import RunFolder, Shard, merge_rows
+from .planning import GLS
+from .registry import experiment
+from .report import text_table, write_report
+from .results import Result
+from .revision import revision
+from .runner import Finished, Pool, finish
+from .setting import options_of
+from .spec import RunSpec
+from .words import commands_of
+
+if TYPE_CHECKING:
+    from packenv.execution.execute import ExecutedPlan
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what the user asked for; returns the exit code: 1 where a job broke or a plan failed its audit."""
+    if arguments.action == "figures":
+        return _figures(arguments)
+    if arguments.action == "merge":
+        return _merge(arguments)
+    if arguments.action == "report":
+        return _report(arguments, RunFolder(arguments.out))
+    return _run(arguments)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    spec = spec_of(arguments)
+    pool = _pool(arguments)
+    shard = _shard(arguments.shard)
+    folder = RunFolder(arguments.out)
+    names = list(EXPERIMENTS) if arguments.action == "all" else [arguments.action]
+    chosen = [experiment(name) for name in names]
+    any_revision = arguments.any_revision
+    try:
+        done = [_finished(e, spec, folder, pool, shard, any_revision=any_revision) for e in chosen]
+    except KeyboardInterrupt:
+        remark(f"stopped; the rows are in {folder.path}, and the same command goes on from there")
+        raise
+    return _tell(arguments, folder, done)
+
+
+@dataclass(frozen=True)
+class _Done:
+    """An experiment, its rows and what they say."""
+
+    result: Result
+    rows: Sequence[Row]
+    jobs: Sequence[Job]
+    missing: int
+    new: int
+    each: Experiment
+
+
+def _finished(
+    each: Experiment,
+    spec: RunSpec,
+    folder: RunFolder,
+    pool: Pool,
+    shard: Shard,
+    *,
+    any_revision: bool,
+    only_read: str | None = None,
+) -> _Done:
+    """Do an experiment, or with a revision only read the rows of that one."""
+    each.prepare(spec, str(folder.path))
+    jobs = [job for job in each.jobs(spec) if job.index in shard]
+    if only_read is None:
+        folder.keep_spec(each.name, spec)
+    found = finish(
+        each.work,
+        jobs,
+        out=folder.rows(each.rows, shard),
+        pool=pool,
+        timeout=each.timeout,
+        prepare=each.prepare,
+        arguments=(spec, str(folder.path)),
+        revision=only_read or revision(each.work),
+        head=Job.head,
+        any_revision=any_revision,
+        only_read=only_read is not None,
+        what=each.name,
+    )
+    _say_of_others(each.name, found, any_revision=any_revision)
+    return _Done(each.summarize(spec, found.rows), found.rows, jobs, found.missing, found.new, each)
+
+
+def _say_of_others(name: str, found: Finished, *, any_revision: bool) -> None:
+    if found.others:
+        told = ", ".join(f"{n} of {other}" for other, n in sorted(found.others.items()))
+        what = "counted, too" if any_revision else "not counted (--any-revision counts them)"
+        remark(f"{name}: rows of other revisions of the product, {what}: {told}")
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    sources = [RunFolder(path) for path in arguments.folders]
+    target = RunFolder(arguments.out)
+    specs: dict[str, RunSpec] = {}
+    for source in sources:
+        found = source.specs()
+        if not found:
+            raise InputError(f"{source.path}: holds no run, give folders that robotpack bench wrote")
+        for name, spec in found.items():
+            if specs.setdefault(name, spec) != spec:
+                raise InputError(
+                    f"{source.path}: {name} was asked for with other words than in another folder, "
+                    "give shards of one run"
+                )
+    kinds = {experiment(name).rows for name in specs}
+    for name, spec in specs.items():
+        target.keep_spec(name, spec)
+    for kind in sorted(kinds):
+        files = [path for folder in dict.fromkeys([*sources, target]) for path in folder.row_files(kind)]
+        merge_rows(list(dict.fromkeys(path.resolve() for path in files)), target.rows(kind))
+    return _report(arguments, target)
+
+
+def _report(arguments: argparse.Namespace, folder: RunFolder) -> int:
+    """Table and report of the rows that are there."""
+    specs = folder.specs()
+    if not specs:
+        raise InputError(f"{folder.path}: holds no run, give a folder that robotpack bench wrote")
+    names = [*(name for name in EXPERIMENTS if name in specs), *(n for n in specs if n not in EXPERIMENTS)]
+    done = []
+    for name in names:
+        each = experiment(name)
+        own = _revision_of(folder, each, any_revision=arguments.any_revision)
+        pool = Pool("serial")
+        done.append(
+            _finished(
+                each, specs[name], folder, pool, Shard(), any_revision=arguments.any_revision, only_read=own
+            )
+        )
+    return _tell(arguments, folder, done)
+
+
+def _revision_of(folder: RunFolder, each: Experiment, *, any_revision: bool) -> str:
+    """The revision of the rows of a folder.
+
+    Raises:
+        InputError: they are of several.
+    """
+    path = folder.rows(each.rows)
+    if not path.exists():
+        parts = folder.row_files(each.rows)
+        hint = f": robotpack bench merge {folder.path} --out {folder.path}" if parts else ""
+        raise InputError(f"{path}: does not exist, run the experiment or merge its shards{hint}")
+    found = {str(row.get("revision")) for row in read_rows(path)}
+    if len(found) > 1 and not any_revision:
+        told = ", ".join(sorted(found))
+        raise InputError(f"{path}: has rows of several revisions ({told}), give --any-revision to mix them")
+    return max(found, default="")
+
+
+def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done]) -> int:
+    results = [each.result for each in done]
+    for result in results:
+        folder.keep_result(result)
+    if arguments.json:
+        rows = [{"experiment": r.experiment, **row} for r in results for row in r.to_json()["rows"]]
+        document = results[0].to_json() if len(results) == 1 else {"results": [r.to_json() for r in results]}
+        say_json({**document, "rows": rows, "missing_jobs": sum(each.missing for each in done)})
+    else:
+        for each in done:
+            say(text_table(each.result))
+            say()
+    for each in done:
+        if each.missing:
+            remark(f"{each.result.experiment}: {each.missing} jobs have no row yet")
+        for failure in each.result.failures:
+            if failure.why.startswith("job "):
+                remark(f"{each.result.experiment}: {failure.method}, order {failure.index}: {failure.why}")
+    if not arguments.no_report:
+        _write_report(folder, done, anew=arguments.action in ("merge", "report"))
+    broken = sum(result.broken for result in results) + sum(each.missing for each in done)
+    findings = sum(
+        int(row.get(name, 0))
+        for each in done
+        for row in each.rows
+        for name in ("overlaps", "protrusions", "blocked")
+    )
+    return 1 if broken or findings else 0
+
+
+@dataclass(frozen=True)
+class _PlansAgain:
+    """Plans of rows, for a report."""
+
+    catalogue: Items
+    done: Mapping[str, _Done]
+
+    def plan_of(self, experiment: str, row: Row) -> Plan | ExecutedPlan:
+        """The plan of a row, made again."""
+        done = self.done[experiment]
+        return done.each.again(next(job for job in done.jobs if job.key == row["key"]))
+
+
+def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> None:
+    """Write the report, unless it is there and no row is new."""
+    page = folder.path / "report.html"
+    if page.exists() and not anew and not any(each.new for each in done):
+        return
+    named = {each.result.experiment: each for each in done}
+    specs = {name: each.result.spec for name, each in named.items()}
+    spec = done[0].result.spec
+    pictures = _PlansAgain(api.load_catalogue(spec.catalogue, unit=spec.unit), named)
+    try:
+        write_report(
+            folder.path,
+            [each.result for each in done],
+            {name: each.rows for name, each in named.items()},
+            pictures,
+            command="\n".join(commands_of(specs, folder.path)),
+            watcher=Terminal(),
+        )
+    except InputError as problem:  # the rows are there, and the table was printed
+        remark(f"no report: {problem}")
+    else:
+        remark(f"wrote {page} and {page.with_suffix('.md')}")
+
+
+def _figures(arguments: argparse.Namespace) -> int:
+    """The paper's figures, and a page of them."""
+    from .figures import write_figures
+
+    made = write_figures(
+        arguments.catalogue,
+        arguments.out,
+        unit=arguments.unit,
+        seed=arguments.seed,
+        engine=arguments.engine,
+        watcher=Terminal(),
+    )
+    for figure in made:
+        say(f"{figure.title} (the paper: {figure.paper})")
+        for path in figure.files:
+            say(f"  {path}")
+    return 0
+
+
+def spec_of(arguments: argparse.Namespace) -> RunSpec:
+    """What the user asks for.
+
+    Raises:
+        InputError: a method, a setting or the container is wrong.
+    """
+    for method in arguments.methods:
+        if method != GLS:
+            heuristic_of(PlanOptions(heuristic=method))
+    for setting in arguments.settings:
+        options_of(setting)
+    return RunSpec(
+        catalogue=arguments.catalogue,
+        unit=arguments.unit,
+        orders=arguments.orders,
+        seed=arguments.seed,
+        items=arguments.items,
+        container=parse_container(arguments.container, read_boxes()).size,
+        methods=tuple(arguments.methods),
+        constraints=tuple(arguments.constraints),
+        settings=tuple(arguments.settings),
+        gls_plans=arguments.gls_plans,
+        unseen=arguments.unseen,
+        columns=tuple(arguments.columns),
+        engine=arguments.engine,
+    )
+
+
+def _pool(arguments: argparse.Namespace) -> Pool:
+    backend = arguments.backend
+    if arguments.ray_address is not None and backend != "ray":
+        raise InputError(f"--ray-address: is for --backend ray, which --backend {backend} is not")
+    if backend == "auto":
+        from importlib.util import find_spec
+
+        backend = "pebble" if find_spec("pebble") else "serial"
+    return Pool(backend, arguments.workers, arguments.ray_address, arguments.timeout)
+
+
+def _shard(text: str | None) -> Shard:
+    try:
+        return Shard() if text is None else Shard.parse(text)
+    except ValueError:
+        raise InputError(f"--shard {text}: is no part of a whole, give I/N such as 2/8") from None

@@ -1,0 +1,140 @@
+"""Pictures of packed boxes, and pages of plans that fail: plans are made again from their rows."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from packenv.items.plan_items import Items
+from packenv.types import Plan
+from packenv.view.picture import render_image
+from packenv.view.show import scene_of, show
+from packenv.watcher import Watcher
+
+from ..experiment import Row
+from ..results import Result
+from .document import PAGES, Shot
+from .words import count, method_name, plain
+
+if TYPE_CHECKING:
+    from packenv.execution.execute import ExecutedPlan
+
+_SIZE = (640, 480)
+_SHOTS, _PAGES = 6, 6
+_LONGEST_S = 30.0
+"""Plans that took longer, CPU-seconds, are not made again for a picture."""
+
+
+class Pictures(Protocol):
+    """Where plans come from that a report shows."""
+
+    @property
+    def catalogue(self) -> Items:
+        """What their items are from."""
+
+    def plan_of(self, experiment: str, row: Row) -> Plan | ExecutedPlan:
+        """The plan of a row, made again."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What there is to look at of an experiment.
+
+    Attributes:
+        shots: of packed boxes.
+        pages: address of a page by the key of its row.
+        left_out: a sentence for each plan that could not be made again.
+    """
+
+    shots: tuple[Shot, ...]
+    pages: dict[str, str]
+    left_out: tuple[str, ...]
+
+
+def shown(result: Result, rows: Sequence[Row], pictures: Pictures, folder: Path, watcher: Watcher) -> Shown:
+    """Draw packed boxes, and write a page of each of the first plans that fail.
+
+    Args:
+        result: of the experiment.
+        rows: of the experiment.
+        pictures: where plans come from.
+        folder: of the report.
+        watcher: is told of progress.
+    """
+    left_out: list[str] = []
+
+    def made(row: Row) -> Plan | ExecutedPlan | None:
+        try:
+            return pictures.plan_of(result.experiment, row)
+        except Exception as problem:  # own rules raise anything, and a report is worth more than a picture
+            left_out.append(f"{_title(row)} is not shown: {plain(problem)}")
+            return None
+
+    shots = [
+        Shot(_file_name(result, row), _caption(row), _png(plan, pictures))
+        for row in watcher.progress(_worth_a_picture(rows), f"pictures of {result.experiment}")
+        if (plan := made(row)) is not None
+    ]
+    by_key = {
+        row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
+    }
+    failing = [by_key[failure.key] for failure in result.failures if failure.key in by_key][:_PAGES]
+    pages: dict[str, str] = {}
+    for row in watcher.progress(failing, f"pages of {result.experiment}"):
+        if (plan := made(row)) is not None:
+            pages[row["key"]] = f"{PAGES}/{_file_name(result, row)}.html"
+            show(plan, folder / pages[row["key"]], pictures.catalogue)
+    return Shown(tuple(shots), pages, tuple(left_out))
+
+
+def _worth_a_picture(rows: Sequence[Row]) -> list[Row]:
+    """Rows of whole plans: of the paper's method where there are such, of many boxes, under most constraints."""
+    whole = [row for row in rows if row.get("complete", row.get("planned")) and _seconds(row) <= _LONGEST_S]
+    lead = [row for row in whole if row["method"] == "hm"] or whole
+    strict = [row for row in lead if row["constraints"] == "robot"] or lead
+    same = [
+        row for row in strict if (row["setting"], row["items"]) == (strict[0]["setting"], strict[0]["items"])
+    ]
+    return list(_boxes_in_turn(sorted(same, key=lambda row: int(row["index"]))))[:_SHOTS]
+
+
+def _boxes_in_turn(rows: Sequence[Row]) -> Iterator[Row]:
+    """A row of each box, then a second one of each, and so on."""
+    by_box: dict[str, list[Row]] = {}
+    for row in rows:
+        by_box.setdefault(str(row.get("container")), []).append(row)
+    for k in range(max(map(len, by_box.values()), default=0)):
+        yield from (some[k] for some in by_box.values() if k < len(some))
+
+
+def _seconds(row: Row) -> float:
+    return float(row.get("plan_cpu_s", row.get("cpu_s", 0.0)))
+
+
+def _title(row: Row) -> str:
+    return f"Order {row['index']} by {method_name(row['method'])}"
+
+
+def _caption(row: Row) -> str:
+    names = [plain(name) for name in row["order"]]
+    box = plain(row.get("container") or ", ".join(row["boxes"]))
+    box += " m" * bool(re.fullmatch(r"[0-9.x]+", box))  # a size, not a name
+    return f"{_title(row)}: {count(len(names), 'item')} in {box}: {', '.join(names)}"
+
+
+def _file_name(result: Result, row: Row) -> str:
+    return re.sub(r"[^A-Za-z0-9.-]+", "-", f"{result.experiment}-{row['key']}")[:100]
+
+
+def _png(plan: Plan | ExecutedPlan, pictures: Pictures) -> bytes:
+    """A picture with a palette: a third of the bytes, and no difference that is seen."""
+    from PIL import Image
+
+    image = Image.fromarray(render_image(scene_of(plan, pictures.catalogue), size=_SIZE))
+    buffer = io.BytesIO()
+    image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()

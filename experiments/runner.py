@@ -1,0 +1,182 @@
+"""Do many jobs, each of which leaves a row; a run that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from tqdm import tqdm
+
+from packenv.backends import BackendName, Outcome, imap_unordered
+from packenv.errors import InputError
+from packenv.io.rows import RowFile, read_rows
+
+from .experiment import Row
+
+_LINE_S = 60.0
+"""Where no person watches a bar, a line tells of progress so often."""
+
+
+class Keyed(Protocol):
+    """A job."""
+
+    @property
+    def key(self) -> str:
+        """Hash of all that its row depends on but the product's revision."""
+        ...
+
+
+@dataclass(frozen=True)
+class Pool:
+    """On what jobs are done.
+
+    Attributes:
+        backend: see :mod:`packenv.backends`.
+        workers: processes.
+        ray_address: of a cluster.
+        timeout: seconds after which a job is given up; None takes the experiment's.
+    """
+
+    backend: BackendName = "pebble"
+    workers: int = 1
+    ray_address: str | None = None
+    timeout: float | None = None
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The rows of jobs.
+
+    Attributes:
+        rows: one of each job that has one, in the sequence of the jobs.
+        broken: those of them that tell of a failure.
+        missing: jobs without a row; none unless only rows that are there were asked for.
+        new: rows that were made now.
+        others: how many rows of these jobs other revisions left, by revision; they are not among ``rows`` unless
+            they were asked for.
+    """
+
+    rows: tuple[Row, ...]
+    broken: tuple[Row, ...] = ()
+    missing: int = 0
+    new: int = 0
+    others: Counter[str] = field(default_factory=Counter)
+
+
+def finish(
+    work: Callable[[Any], dict[str, Any]],
+    jobs: Sequence[Keyed],
+    *,
+    out: Path,
+    pool: Pool,
+    timeout: float,
+    prepare: Callable[..., None],
+    arguments: tuple[Any, ...],
+    revision: str,
+    head: Callable[[Any], dict[str, Any]] | None = None,
+    any_revision: bool = False,
+    only_read: bool = False,
+    what: str = "jobs",
+) -> Finished:
+    """Do the jobs that have no row of this revision yet, or one that tells of a failure.
+
+    Args:
+        work: a job to its row; module-level, since it is pickled.
+        jobs: each with a ``key``.
+        out: the file of rows.
+        pool: on what they are done.
+        timeout: seconds after which a job is given up, unless the pool says so.
+        prepare: called once in each worker before its first job.
+        arguments: what ``prepare`` is called with.
+        revision: of the product.
+        head: what a row tells of its job.
+        any_revision: rows of other revisions count, too.
+        only_read: do nothing, read the rows that are there.
+        what: is done, for the bar.
+
+    Raises:
+        InputError: the file holds something else than rows, or another run writes it.
+    """
+    with _alone(out):
+        file = RowFile(out)
+        wanted = {job.key: job for job in jobs}
+        found: dict[str, Row] = {}
+        others: Counter[str] = Counter()
+        for row in read_rows(out) if out.exists() else ():
+            if row["key"] in wanted:
+                own = row.get("revision") == revision
+                if not own:
+                    others[str(row.get("revision"))] += 1
+                if own or (any_revision and row["key"] not in found):
+                    found[row["key"]] = row
+        missing = [job for key, job in wanted.items() if key not in found or "error" in found[key]]
+        new = 0
+        if missing and not only_read:
+            outcomes = imap_unordered(
+                work,
+                missing,
+                backend=pool.backend,
+                workers=pool.workers,
+                timeout=pool.timeout or timeout,
+                prepare=prepare,
+                arguments=arguments,
+                ray_address=pool.ray_address,
+            )
+            for outcome in _told(outcomes, what, len(wanted), len(wanted) - len(missing)):
+                key = outcome.job.key
+                row = {"key": key, "status": outcome.status, "revision": revision}
+                row |= (head(outcome.job) if head else {}) | (outcome.row or {"error": outcome.error})
+                row["seconds"] = outcome.seconds
+                file.append(row)
+                found[key] = row
+                new += 1
+    rows_in_turn = tuple(found[key] for key in wanted if key in found)
+    return Finished(
+        rows_in_turn,
+        tuple(row for row in rows_in_turn if "error" in row),
+        len(wanted) - len(rows_in_turn),
+        new,
+        others,
+    )
+
+
+def _told(rows: Iterable[Outcome[Any]], what: str, total: int, before: int) -> Iterator[Outcome[Any]]:
+    """Outcomes as they come, with a bar of rate and time left on a terminal, else a line now and then."""
+    if sys.stderr.isatty():
+        yield from tqdm(rows, desc=what, total=total, initial=before, unit="row", file=sys.stderr)
+        return
+    began = last = time.monotonic()
+    for done, row in enumerate(rows, 1):
+        yield row
+        now = time.monotonic()
+        if now - last >= _LINE_S:
+            last, rate = now, done / (now - began)
+            left = (total - before - done) / rate
+            told = f"{what}: {before + done} of {total} rows, {rate:.2g} a second, {left / 60:.0f} min left"
+            print(told, file=sys.stderr, flush=True)  # noqa: T201
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Be the only process that writes a file of rows, where the system knows locks.
+
+    A record lock: workers do not inherit it, so those that a killed run leaves behind keep nobody out.
+    """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        import fcntl
+    except ModuleNotFoundError:
+        yield
+        return
+    with out.with_suffix(".lock").open("w") as lock:
+        try:
+            fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f"{out}: another run writes it, wait for it or give another folder") from None
+        yield
