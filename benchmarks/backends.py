@@ -60,7 +60,9 @@ def measure(backend: BackendName, seconds: float) -> dict[str, float]:
         if workers == 1 or backend != "serial":
             last = arrivals(backend, workers, WAITING, seconds)[0][-1]
             # The first outcomes of all workers come at about the same time: the clock begins there.
-            figures[f"overhead_share_{workers}_workers"] = last * workers / (seconds * (WAITING - workers)) - 1
+            figures[f"overhead_share_{workers}_workers"] = (
+                last * workers / (seconds * (WAITING - workers)) - 1
+            )
     return figures
 
 

@@ -131,7 +131,8 @@ def finish(
             for outcome in _told(outcomes, what, len(wanted), len(wanted) - len(missing)):
                 key = outcome.job.key
                 row = {"key": key, "status": outcome.status, "revision": revision}
-                row |= (head(outcome.job) if head else {}) | (outcome.row or {"error": outcome.error})
+                row |= head(outcome.job) if head else {}
+                row |= {"error": outcome.error} if outcome.row is None else outcome.row
                 row["seconds"] = outcome.seconds
                 file.append(row)
                 found[key] = row
