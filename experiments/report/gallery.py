@@ -122,6 +122,7 @@ def _title(row: Row) -> str:
 def _caption(row: Row) -> str:
     names = [plain(name) for name in row["order"]]
     box = plain(row.get("container") or ", ".join(row["boxes"]))
+    box += " m" * bool(re.fullmatch(r"[0-9.x]+", box))  # a size, not a name
     return f"{_title(row)}: {count(len(names), 'item')} in {box}: {', '.join(names)}"
 
 

@@ -159,15 +159,13 @@ def comparisons_table(result: Result) -> Table:
     columns = (
         Column("methods", "name"),
         Column("orders"),
-        Column("alone succeeds, first"),
-        Column("alone succeeds, second"),
-        Column("difference, points"),
-        Column("95 % interval, points"),
+        Column("first alone, orders"),
+        Column("second alone, orders"),
+        Column("difference, points (95 % interval)"),
         Column("p, McNemar"),
         Column("p, Holm"),
         Column("significant", "name"),
-        Column("CPU-s, first / second"),
-        Column("95 % interval, ratio"),
+        Column("CPU-s, first / second (95 % interval)"),
     )
     groups: dict[str, list[tuple[Cell, ...]]] = {}
     for c, p in zip(result.comparisons, adjusted(result), strict=True):
@@ -176,13 +174,11 @@ def comparisons_table(result: Result) -> Table:
             f"{c.n:,}",
             f"{c.a_only:,}",
             f"{c.b_only:,}",
-            percent(c.difference, c.n, sign=True),
-            interval(c.difference_ci95, c.n, sign=True),
+            f"{percent(c.difference, c.n, sign=True)} ({interval(c.difference_ci95, c.n, sign=True)})",
             chance(c.p),
             chance(p),
             "yes" if p < SIGNIFICANT else "no",
-            number(c.time_ratio),
-            f"{number(c.time_ratio_ci95[0])} to {number(c.time_ratio_ci95[1])}",
+            f"{number(c.time_ratio)} ({number(c.time_ratio_ci95[0])} to {number(c.time_ratio_ci95[1])})",
         )
         groups.setdefault(circumstances(c), []).append(tuple(map(Cell, texts)))
     return Table("", columns, tuple(Group(title, tuple(rows)) for title, rows in groups.items()))
