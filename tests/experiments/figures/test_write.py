@@ -86,5 +86,11 @@ def test_items_that_are_too_large_are_refused_in_a_line(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     (tmp_path / "in").mkdir()
     box((500, 500, 500)).export(tmp_path / "in" / "crate.stl")
-    with pytest.raises(InputError, match="no item of .*in fits a box of 32 × 32 × 30 cm"):
+    with pytest.raises(InputError, match=r"no item of .*in fits a box of 32 × 32 × 30 cm"):
         write_figures(str(tmp_path / "in"), tmp_path / "out", unit="mm")
+
+
+def test_a_seed_below_zero_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    with pytest.raises(InputError, match="seed is -1"):
+        write_figures("builtin", tmp_path / "out", seed=-1)
