@@ -10,6 +10,7 @@ import pytest
 from packenv.experiments.figures.bowls import COUNT, bowls, large_box, nesting_item
 from packenv.experiments.figures.figure import Source
 from packenv.geometry.prepare import PreparedItem
+from packenv.items.catalogue import Catalogue, open_catalogue
 from packenv.planning.options import PlanOptions
 from packenv.types import Placement
 from tests.experiments.figures.sources import BOXES, SOME, Listener, source_of
@@ -76,3 +77,16 @@ def test_without_a_bowl_there_is_no_figure_and_a_remark(tmp_path: Path) -> None:
     assert "bowls" in remark
     assert "no bowl" in remark
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.objects
+def test_scanned_bowls_are_nested_by_hm_and_spread_by_dblf(objects_dir: Path, tmp_path: Path) -> None:
+    whole = open_catalogue(objects_dir)
+    names = ("024_bowl", "003_cracker_box")
+    few = Catalogue(whole.label, whole.folder, {name: whole.entries[name] for name in names})
+    figure = bowls(source_of(tmp_path, few))
+    assert figure is not None
+    assert figure.made_of["orders"] == [["024_bowl"] * COUNT + ["003_cracker_box"]]
+    hm, dblf, *_ = figure.made_of["bowls_floor_m2"]
+    assert hm < 0.6 * dblf
+    assert figure.files[0].stat().st_size > 50_000
