@@ -82,7 +82,8 @@ def shown(result: Result, rows: Sequence[Row], pictures: Pictures, folder: Path,
     by_key = {
         row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
     }
-    failing = [by_key[failure.key] for failure in result.failures if failure.key in by_key][:_PAGES]
+    keys = dict.fromkeys(failure.key for failure in result.failures if failure.key in by_key)
+    failing = [by_key[key] for key in keys][:_PAGES]
     pages: dict[str, str] = {}
     for row in watcher.progress(failing, f"pages of {result.experiment}"):
         if (plan := made(row)) is not None:
@@ -99,7 +100,8 @@ def _worth_a_picture(rows: Sequence[Row]) -> list[Row]:
     same = [
         row for row in strict if (row["setting"], row["items"]) == (strict[0]["setting"], strict[0]["items"])
     ]
-    return list(_boxes_in_turn(sorted(same, key=lambda row: int(row["index"]))))[:_SHOTS]
+    orders = {int(row["index"]): row for row in reversed(same)}
+    return list(_boxes_in_turn([row for _, row in sorted(orders.items())]))[:_SHOTS]
 
 
 def _boxes_in_turn(rows: Sequence[Row]) -> Iterator[Row]:

@@ -36,7 +36,7 @@ def _block(block: Block) -> list[str]:
             return ["\n".join(f"- {escaped(item)}" for item in block.items)]
         case Command():
             # Indented code has no end that a line could write.
-            return ["\n".join(f"    {plain(line)}" for line in block.lines)]
+            return ["\n".join(f"    {line}" for line in block.lines)]
         case Plots():
             return [_picture(f"{PLOTS}/{plot.name}.svg", plot.caption) for plot in block.plots]
         case Gallery():

@@ -19,9 +19,14 @@ _CONSTRAINTS = {
 }
 
 
+def printable(text: str) -> str:
+    """Some text without what a terminal or a browser would obey."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 def plain(text: object) -> str:
-    """Some text in one line, without what a terminal or a browser would obey."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(str(text).split()))
+    """The same in one line, with single spaces."""
+    return printable(" ".join(str(text).split()))
 
 
 def method_name(method: str) -> str:

@@ -34,7 +34,7 @@ from .page import page_text
 from .plots import plots_of
 from .sentences import summary
 from .tables import Cell, Column, Group, Table, comparisons_table, failures_table, results_table
-from .words import count, plain
+from .words import count, plain, printable
 
 _FAILURES = 20
 _READING = (
@@ -73,12 +73,13 @@ def write_report(
         InputError: a package is missing, or a file cannot be written.
     """
     require_extras()
+    commands = tuple(map(printable, command.splitlines()))
     for name in (PLOTS, PICTURES, PAGES):
         try:
             (folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise InputError(f"{folder / name}: cannot be made ({problem.strerror})") from None
-    sections, files = [_head(results, command)], list[Path]()
+    sections, files = [_head(results, commands)], list[Path]()
     for result in results:
         own = rows.get(result.experiment, ())
         seen = shown(result, own, pictures, folder, watcher)
@@ -91,7 +92,7 @@ def write_report(
         for path, some in content.items():
             write_whole(path, some)
         files += [*content, *(folder / address for address in seen.pages.values())]
-    sections.append(_foot(command))
+    sections.append(_foot(commands))
     document = Document("RobotPack: the paper's experiments, and ours", tuple(sections))
     texts = {"report.html": page_text(document), "report.md": markdown_text(document)}
     for name, text in texts.items():
@@ -99,9 +100,9 @@ def write_report(
     return (*(folder / name for name in texts), *files)
 
 
-def _head(results: Sequence[Result], command: str) -> Section:
+def _head(results: Sequence[Result], commands: Sequence[str]) -> Section:
     """What was run, and what it says."""
-    blocks: list[Block] = [Command(tuple(command.splitlines())), _run_table(results)]
+    blocks: list[Block] = [Command(tuple(commands)), _run_table(results)]
     for result in results:
         said = summary(result)
         blocks += [Heading(plain(result.title)), Points(tuple(said) or ("No order yet.",))]
@@ -158,14 +159,14 @@ def _anchor(name: str) -> str:
     return "".join(c if c.isalnum() and c.isascii() else "-" for c in name)
 
 
-def _foot(command: str) -> Section:
+def _foot(commands: Sequence[str]) -> Section:
     """How to read it, and how to run it again."""
     return Section(
         "reading",
         "How to read this, and how to run it again",
         (
             Text(_READING),
-            Command(("pip install 'robotpack[bench]'", *command.splitlines())),
+            Command(("pip install 'robotpack[bench]'", *commands)),
             Text(
                 "The same command with the same folder does only what has no row yet, and makes this report again. "
                 f"It was made by RobotPack {__version__}."
