@@ -43,6 +43,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from tqdm import tqdm
@@ -50,6 +51,7 @@ from tqdm import tqdm
 from packenv import api
 from packenv.config import GridConfig
 from packenv.execution.physics_planner import CAREFUL, STRICT
+from packenv.experiments.columns import CAUTIOUS, DROPPED, PAPER, REHEARSED
 from packenv.experiments.orders import fitting, random_orders
 from packenv.experiments.shelf import open_shelf
 from packenv.io.containers import parse_container, read_boxes
@@ -66,13 +68,7 @@ from packenv.sim.world import World
 from packenv.types import Container, Order, Plan
 
 GRID = GridConfig()
-RULES = {
-    "paper": PlanOptions("hm", geometry="parts", stability="paper"),
-    "default": PlanOptions(geometry="parts"),
-    "physics": PlanOptions("hm", geometry="parts", stability="physics", clearance=0.01),
-}
-REHEARSED = PlanOptions(rehearse=6)
-DROPPED = PlanOptions("hm", stability="physics", clearance=0.01, rehearse=6)
+RULES = {"paper": PAPER, "default": CAUTIOUS, "physics": replace(DROPPED, rehearse=0)}
 PARTS: tuple[tuple[type, str, str], ...] = (
     (World, "overlaps", "descent watch"),
     (RestWatch, "calm", "rest watch"),

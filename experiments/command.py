@@ -54,11 +54,9 @@ def _run(arguments: argparse.Namespace) -> int:
     folder = RunFolder(arguments.out)
     names = list(EXPERIMENTS) if arguments.action == "all" else [arguments.action]
     chosen = [experiment(name) for name in names]
-    done: list[_Done] = []
+    any_revision = arguments.any_revision
     try:
-        for each in chosen:
-            folder.keep_spec(each.name, spec)
-            done.append(_finished(each, spec, folder, pool, shard, any_revision=arguments.any_revision))
+        done = [_finished(e, spec, folder, pool, shard, any_revision=any_revision) for e in chosen]
     except KeyboardInterrupt:
         remark(f"stopped; the rows are in {folder.path}, and the same command goes on from there")
         raise
@@ -90,6 +88,8 @@ def _finished(
     """Do an experiment, or with a revision only read the rows of that one."""
     each.prepare(spec, str(folder.path))
     jobs = [job for job in each.jobs(spec) if job.index in shard]
+    if only_read is None:
+        folder.keep_spec(each.name, spec)
     found = finish(
         each.work,
         jobs,
@@ -243,7 +243,22 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
 
 
 def _figures(arguments: argparse.Namespace) -> int:
-    raise InputError("bench figures: not there yet")
+    """The paper's figures, and a page of them."""
+    from .figures import write_figures
+
+    made = write_figures(
+        arguments.catalogue,
+        arguments.out,
+        unit=arguments.unit,
+        seed=arguments.seed,
+        engine=arguments.engine,
+        watcher=Terminal(),
+    )
+    for figure in made:
+        say(f"{figure.title} (the paper: {figure.paper})")
+        for path in figure.files:
+            say(f"  {path}")
+    return 0
 
 
 def spec_of(arguments: argparse.Namespace) -> RunSpec:

@@ -1,4 +1,4 @@
-"""Plans of random orders, kept as plan files: what one experiment planned, the others carry out."""
+"""Plans of random orders, kept as plan files: what one worker planned, the others carry out."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 from packenv import api
 from packenv.io.rows import row_key
-from packenv.items.shelf import ItemShelf
+from packenv.items.catalogue import Catalogue
+from packenv.items.plan_items import shelf_for
 from packenv.planning.assembly import own_code
 from packenv.planning.options import PlanOptions
 from packenv.types import Container, Item, Order, Plan
-from packenv.version import __version__
 
 
 def fingerprints(items: Mapping[str, Item], order: Sequence[str]) -> tuple[str, ...]:
@@ -43,49 +43,61 @@ class PlanStore:
 
     Attributes:
         folder: where the files are.
-        shelf: the items, as their envelopes.
-        box: the container.
-        meshes: the items as their meshes, for options that plan on these; None where all do on envelopes.
+        catalogue: the items.
+        revision: of the product: a plan that another one made is none of this one's.
+        unit: of the meshes, for the plan files.
     """
 
     folder: Path
-    shelf: ItemShelf
-    box: Container
-    meshes: ItemShelf | None = None
+    catalogue: Catalogue
+    revision: str
+    unit: str | None = None
 
-    def shelf_of(self, options: PlanOptions) -> ItemShelf:
-        """The items that options plan with."""
-        return self.shelf if options.shape == "parts" or self.meshes is None else self.meshes
-
-    def plan(self, order: Sequence[str], options: PlanOptions) -> StoredPlan:
+    def plan(
+        self,
+        order: Sequence[str],
+        boxes: Sequence[Container],
+        options: PlanOptions,
+        *,
+        as_packed: bool = False,
+    ) -> StoredPlan:
         """Read the plan of an order, or make and keep it.
 
         Args:
-            order: item names, each once.
+            order: item names.
+            boxes: the first that takes all of them is taken.
             options: how to plan.
+            as_packed: as ``robotpack pack`` does, with rehearsals of its own.
         """
-        if self.meshes is None:
-            options = replace(options, geometry="parts")
-        shelf = self.shelf_of(options)
-        items = fingerprints(self.shelf.shapes, order)
-        key = row_key(__version__, self.box, options.to_mapping(), own_code(options), tuple(order), items)
-        path = self.folder / f"{key}.json"
+        items = fingerprints(shelf_for(self.catalogue, replace(options, geometry="parts")).shapes, order)
+        made_of = (tuple(boxes), options.to_mapping(), as_packed, own_code(options), tuple(order), items)
+        path = self.folder / f"{row_key(self.revision, *made_of)}.json"
         if not path.exists():
             self.folder.mkdir(parents=True, exist_ok=True)
-            api.save_plan(self._made(order, options), path)
-        plan = api.load_plan(path, shelf)
+            api.save_plan(self._made(order, boxes, options, as_packed), path)
+        plan = api.load_plan(path, self.catalogue)
         return StoredPlan(plan, float(plan.metrics["plan_cpu_s"]))
 
-    def _made(self, order: Sequence[str], options: PlanOptions) -> Plan:
-        seconds = 0.0
-        if options.rehearse:
-            first = self.plan(order, replace(options, rehearse=0, geometry="parts"))
+    def _made(
+        self, order: Sequence[str], boxes: Sequence[Container], options: PlanOptions, as_packed: bool
+    ) -> Plan:
+        simulated = as_packed or options.asks_physics
+        shape = "parts" if simulated else options.shape
+        shelf_for(self.catalogue, replace(options, geometry=shape)).load(
+            order, fields=True, physics=simulated
+        )
+        seconds, box = 0.0, boxes[0] if len(boxes) == 1 else boxes
+        start = time.process_time()
+        if as_packed:
+            plan = api.plan_rehearsed(
+                Order.of(*order), box, self.catalogue, options, unit=self.unit, margins=False
+            )
+        elif options.rehearse:
+            unrehearsed = replace(options, rehearse=0, geometry="parts", engine="auto")
+            first = self.plan(order, boxes, unrehearsed)
             seconds, start = first.cpu_s, time.process_time()
-            plan = api.rehearse(first.plan, self.shelf, options, margins=False)
+            plan = api.rehearse(first.plan, self.catalogue, options, margins=False)
         else:
-            shelf = self.shelf_of(options)
-            shelf.load(order, fields=True)
-            start = time.process_time()
-            plan = api.plan(Order.of(*order), self.box, shelf, options, margins=False)
+            plan = api.plan(Order.of(*order), box, self.catalogue, options, unit=self.unit, margins=False)
         seconds += time.process_time() - start
         return replace(plan, metrics={**plan.metrics, "plan_cpu_s": seconds})

@@ -128,7 +128,7 @@ def method_options(spec: RunSpec, setting: str, method: str, constraints: str) -
 
 
 def drawn(
-    spec: RunSpec, names: Sequence[str], draw: Callable[..., list[list[str]]]
+    spec: RunSpec, names: Sequence[str], box: Container, draw: Callable[..., list[list[str]]]
 ) -> Iterator[tuple[str, int, list[str]]]:
     """From which items, index and names of each order: of all items, then of those that nothing was tuned on.
 
@@ -141,7 +141,11 @@ def drawn(
         groups[UNSEEN] = [name for name in names if name in chosen]
     for items, group in groups.items():
         if not group:
-            raise InputError(f"catalogue {spec.catalogue}: none of the {items} items fits the box alone")
+            which = "items" if items == ALL else f"items of --unseen {spec.unseen}"
+            raise InputError(
+                f"catalogue {spec.catalogue}: none of its {which} fits {box.full_label} alone, "
+                "give a larger --container"
+            )
         for index, order in enumerate(draw(group, count=spec.orders, seed=spec.seed)):
             yield items, index, order
 
@@ -158,7 +162,7 @@ def _jobs(
     names = fitting(shelf.prepared, boxes[-1], GridConfig())
     return [
         Job(method, constraints, setting, items, index, tuple(order), made_of, boxes, options)
-        for items, index, order in drawn(spec, names, draw)
+        for items, index, order in drawn(spec, names, boxes[-1], draw)
         for made_of in (fingerprints(shelf.items, order),)
         for method, constraints, setting, options in chosen
     ]

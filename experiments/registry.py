@@ -17,12 +17,14 @@ def experiment(name: str) -> Experiment:
     from .planning import FALLBACK, HEURISTICS, SEARCH5D, SMALL_ORDERS
 
     found = {e.name: e for e in (SMALL_ORDERS, HEURISTICS, FALLBACK, SEARCH5D)}
-    if name in found:
-        return found[name]
-    if name == "execution":
-        from .execution import EXECUTION
+    if name not in found:
+        from .execution import EXECUTION, EXECUTION_SMALL
+        from .robustness import ROBUSTNESS
+        from .second_opinions import EARLY_REST, TWO_ENGINES
 
-        return EXECUTION
-    known = (*EXPERIMENTS, *FURTHER)
-    hint = closest_match(name, known, f"; choose from {', '.join(known)}")
-    raise InputError(f"bench: there is no experiment {name!r:.40}{hint}")
+        found |= {e.name: e for e in (EXECUTION_SMALL, EXECUTION, TWO_ENGINES, EARLY_REST, ROBUSTNESS)}
+    if name not in found:
+        known = (*EXPERIMENTS, *FURTHER)
+        hint = closest_match(name, known, f"; choose from {', '.join(known)}")
+        raise InputError(f"bench: there is no experiment {name!r:.40}{hint}")
+    return found[name]

@@ -25,8 +25,9 @@ def options_of(setting: str) -> PlanOptions:
         name, equals, text = (part.strip() for part in change.partition("="))
         name = name.replace("-", "_")
         if not equals or name not in known:
-            hint = closest_match(name, known, "; give option=value, with options as robotpack pack has them")
-            raise InputError(f"setting {setting!r:.60}: {change!r:.40} is no option{hint}")
+            right = "; give option=value, with options as robotpack pack has them"
+            hint = right if name in known else closest_match(name, known, right)
+            raise InputError(f"setting {setting!r:.60}: {change!r:.40} is no option and its value{hint}")
         words[name] = _value(text, known[name])
     try:
         return PRESETS[preset]().changed(words)

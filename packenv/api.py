@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from packenv.config import EngineName
 from packenv.errors import InputError, OrderError
 from packenv.execution.planning_job import PlanningJob
 from packenv.execution.several_boxes import pack_boxes, shared_out
@@ -73,6 +74,7 @@ __all__ = [
     "load_plan",
     "plan",
     "plan_boxes",
+    "plan_rehearsed",
     "plan_rest",
     "rehearse",
     "save_plan",
@@ -271,6 +273,59 @@ def plan_boxes(
         shares = zip(packings, shared_out(order.lines, packings), strict=True)
         plans = (renumbered(_boxed(job, packing, lines, unit)) for packing, lines in shares)
     return tuple(replace(made, order_source=order.source) for made in plans)
+
+
+REHEARSALS = 3
+"""In how many simulated worlds a plan for the robot is carried out by itself: the nominal one, and two disturbed."""
+ENGINE: EngineName = "mujoco"
+"""Where, unless somebody names another engine: a world takes half of the time there."""
+
+
+def rehearsing(options: PlanOptions) -> PlanOptions:
+    """The same options with the rehearsals that ``robotpack pack`` makes by itself."""
+    engine = ENGINE if options.engine == "auto" else options.engine
+    return replace(options, rehearse=REHEARSALS, engine=engine)
+
+
+def plan_rehearsed(
+    order: Order,
+    container: Container | str | Sequence[Container],
+    catalogue: Items = "builtin",
+    options: PlanOptions | Mapping[str, Any] | str | None = None,
+    *,
+    unit: str | None = None,
+    margins: bool = True,
+    workers: int = 1,
+    watcher: Watcher = SILENT,
+) -> Plan:
+    """What ``robotpack pack`` gives for the robot: a plan on convex parts that was carried out in simulation.
+
+    Where it fails there, another one in place of it; where not all items have a place on their convex parts, the plan
+    on their meshes, which is not rehearsed.
+
+    Args:
+        order: as for :func:`plan`, as are all others.
+        container: likewise.
+        catalogue: likewise.
+        options: likewise; rehearsals and geometry are chosen here.
+        unit: likewise.
+        margins: likewise.
+        workers: likewise.
+        watcher: likewise.
+
+    Raises:
+        InputError: an option, the order, the container or a mesh is wrong.
+    """
+    chosen = _options(options)
+    rest: dict[str, Any] = {"unit": unit, "margins": margins, "workers": workers, "watcher": watcher}
+    made = plan(order, container, catalogue, replace(chosen, geometry="parts"), **rest)
+    if made.complete:
+        return rehearse(made, catalogue, rehearsing(chosen), margins=margins, watcher=watcher)
+    watcher.remark(
+        f"not rehearsed: {len(made.placements)} of {len(made.placements) + len(made.leftovers)} items have a place "
+        "on their convex parts; planned on their meshes"
+    )
+    return plan(order, container, catalogue, chosen, **rest)
 
 
 def rehearse(

@@ -14,10 +14,15 @@ EXPERIMENTS = {
     "heuristics": "HM, DBLF, MTA, MinZ, auto and GLS on orders of ten (Table 1)",
     "fallback": "which items the fallback places, and how",
     "search5d": "the prioritized search, and all orientations at once",
+    "execution-small": "small orders carried out in physics, as execution (Sec. V-C)",
     "execution": "plans of several kinds carried out in physics, nominal and disturbed (Table 2)",
 }
 """Those that ``all`` runs, in this sequence."""
-FURTHER: dict[str, str] = {}
+FURTHER = {
+    "engines": "the same plans carried out in PyBullet and in MuJoCo",
+    "early-rest": "the same plans carried out until rest, and with all the time to settle",
+    "robustness": "whether what plans say that their piles withstand tells which executions succeed",
+}
 """Those that are run when they are named."""
 MODULE = "packenv.experiments.command"
 BACKENDS = ("auto", "serial", "pebble", "ray")

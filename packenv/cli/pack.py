@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from packenv import api
 from packenv.cli.output import Terminal, say, say_json
-from packenv.config import EngineName
 from packenv.errors import InputError
 from packenv.execution.planning_job import require_engine
 from packenv.io.containers import boxes_file, parse_container, read_boxes
@@ -25,11 +23,6 @@ from packenv.shipped import BUILTIN
 from packenv.types import Container, Plan
 from packenv.view.show import check_suffix, show
 from packenv.view.words import leftover_lines, piece_names, robustness_words, rule_words
-
-WORLDS = 3
-"""In how many simulated worlds a plan for the robot is carried out by itself: the nominal one, and two disturbed."""
-ENGINE: EngineName = "mujoco"
-"""Where, unless somebody names another engine: a world takes half of the time there."""
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -62,10 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
             return (api.plan(order, container, catalogue, chosen, start=lies, **rest),)
         return api.plan_boxes(order, container, catalogue, chosen, boxes_max=most, **rest)
 
-    plans: tuple[Plan, ...] = ()
-    if most == 1 and _checks_itself(arguments, options):
-        plans = _carried_out(planned(replace(options, geometry="parts"))[0], catalogue, options, watcher)
-    plans = plans or planned(options)
+    if most == 1 and container is not None and _checks_itself(arguments, options):
+        plans: tuple[Plan, ...] = (api.plan_rehearsed(order, container, catalogue, options, **rest),)
+    else:
+        plans = planned(options)
     written = [_outputs(arguments, k if len(plans) > 1 else None) for k in range(1, len(plans) + 1)]
     for plan, outputs in zip(plans, written, strict=True):
         for option, path in outputs.items():
@@ -91,29 +84,10 @@ def _checks_itself(arguments: argparse.Namespace, options: PlanOptions) -> bool:
     from packenv.sim.engines import is_there
 
     others = (arguments.rehearse, arguments.geometry, arguments.start, arguments.budget, arguments.plans)
-    if not is_there(_engine_of(options)):
+    if not is_there(api.rehearsing(options).engine):
         return False
     usual = options.constraints == "robot" and options.stability == "cautious" and options.method == "auto"
     return usual and options.goal == "items" and all(given is None for given in others)
-
-
-def _carried_out(
-    plan: Plan, catalogue: Catalogue, options: PlanOptions, watcher: Terminal
-) -> tuple[Plan, ...]:
-    """A plan on convex parts, or one in place of it, that was carried out; none where not all fits so."""
-    if not plan.complete:
-        watcher.remark(
-            f"not rehearsed: {len(plan.placements)} of {len(plan.placements) + len(plan.leftovers)} items have a place "
-            "on their convex parts; planned on their meshes"
-        )
-        return ()
-    rehearsing = replace(options, rehearse=WORLDS, engine=_engine_of(options))
-    return (api.rehearse(plan, catalogue, rehearsing, watcher=watcher),)
-
-
-def _engine_of(options: PlanOptions) -> EngineName:
-    """In which engine a plan is carried out by itself."""
-    return ENGINE if options.engine == "auto" else options.engine
 
 
 def _partly_filled(arguments: argparse.Namespace) -> PartlyFilled | None:

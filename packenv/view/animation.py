@@ -29,6 +29,8 @@ _FRAME_MS = 80  # GIF counts in hundredths of a second: 12.5 frames a second
 _LAST_MS = 2500
 _WAY_FRAMES = 5
 """Moments of an item's way down in the animation of a plan."""
+_THIN = 400
+"""Pixels of a picture's shorter side for each of the outline's width."""
 _GHOST = np.array([200.0, 30.0, 90.0])
 _TEXT = (40, 48, 60)
 
@@ -101,7 +103,9 @@ def _palette(pictures: Sequence[Image]) -> PillowPicture:
     return PillowImage.fromarray(np.concatenate(pictures)).quantize(256, kmeans=1)
 
 
-def draw_frame(stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame) -> Image:
+def draw_frame(
+    stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame, outlined: int = -1
+) -> Image:
     """One moment.
 
     Args:
@@ -109,20 +113,23 @@ def draw_frame(stage: Stage, plan: Plan, items: Mapping[str, Item], frame: Frame
         plan: what is shown.
         items: the plan's items by name.
         frame: the moment.
+        outlined: of which of its items the place in the plan is outlined; by itself the latest.
 
     Returns:
-        (height, width, 3) sRGB: what is there, and outlined where the plan wants the latest item.
+        (height, width, 3) sRGB: what is there, and the outline.
     """
     shown = plan.placements[: len(frame.poses)]
     picture = stage.draw(
         [(items[p.item], pose) for p, pose in zip(shown, frame.poses, strict=True)], frame.joints
     )
     if shown:
-        inside = silhouette(item_surface(items[shown[-1].item]).at(shown[-1].pose), stage.camera)
-        core = inside.copy()
-        for axis in (0, 1):
-            for step in (-1, 1):
-                core &= np.roll(inside, step, axis)
+        wanted = shown[outlined]
+        inside = silhouette(item_surface(items[wanted.item]).at(wanted.pose), stage.camera)
+        core = inside
+        for _ in range(max(1, round(min(inside.shape) / _THIN))):
+            core = np.logical_and.reduce(
+                [core, *(np.roll(core, s, axis) for axis in (0, 1) for s in (-1, 1))]
+            )
         edge = inside & ~core
         picture[edge] = np.rint(0.25 * picture[edge] + 0.75 * _GHOST).astype(np.uint8)
     return picture

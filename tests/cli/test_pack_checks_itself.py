@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from packenv.api import REHEARSALS
 from packenv.cli import main
-from packenv.cli.pack import WORLDS
 from tests.mesh_samples import write_three
 
 SIZE = "0.2x0.2x0.12"
@@ -37,8 +37,8 @@ def test_it_is_rehearsed_on_convex_parts_and_says_nothing_of_success(
     shelf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plan, told = packed(shelf, capsys, size="0.32x0.32x0.30")
-    assert plan["metrics"]["rehearsal_worlds"] == plan["metrics"]["rehearsal_survived"] == WORLDS
-    assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (WORLDS, "parts")
+    assert plan["metrics"]["rehearsal_worlds"] == plan["metrics"]["rehearsal_survived"] == REHEARSALS
+    assert (plan["settings"]["rehearse"], plan["settings"]["geometry"]) == (REHEARSALS, "parts")
     assert told == ""
 
 

@@ -1,0 +1,211 @@
+"""``robotpack bench`` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from packenv.cli import main
+from packenv.io.rows import read_rows
+from tests.cli.refusals import refused
+from tests.shapes import cup
+
+TIMES = ("cpu_s", "prepare_cpu_s", "seconds")
+
+
+@pytest.fixture(scope="module")
+def catalogue(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven small items, one longer than the box."""
+    folder = tmp_path_factory.mktemp("catalogue")
+    trimesh.creation.box((0.10, 0.08, 0.05)).export(folder / "brick.ply")
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(folder / "small_brick.ply")
+    trimesh.creation.box((0.12, 0.03, 0.03)).export(folder / "bar.ply")
+    trimesh.creation.cylinder(0.03, 0.1, sections=24).export(folder / "can.ply")
+    trimesh.creation.icosphere(2, 0.025).export(folder / "ball.ply")
+    trimesh.creation.box((0.9, 0.02, 0.02)).export(folder / "pole.ply")
+    beaker = cup(0.035, 0.08)
+    trimesh.Trimesh(beaker.vertices, beaker.faces, process=False).export(folder / "beaker.ply")
+    return folder
+
+
+def _bench(name: str, catalogue: Path, out: Path, *more: str | Path) -> int:
+    words = ["--catalogue", catalogue, "--items", 4, "--container", "0.2x0.2x0.15", "--out", out]
+    return main(["bench", name, *map(str, (*words, "--no-report", *more))])
+
+
+def _rows(out: Path, kind: str = "planning") -> dict[str, Mapping[str, Any]]:
+    """Rows of a file without what a clock told, by key."""
+    rows = read_rows(out / f"{kind}.jsonl")
+    return {row["key"]: {name: row[name] for name in row if name not in TIMES} for row in rows}
+
+
+FEW = ("--orders", "3", "--methods", "hm", "minz", "--settings", "default", "--constraints", "overlap")
+
+
+def test_the_same_command_again_does_nothing_and_prints_the_same(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path / "h", *FEW) == 0
+    first = capsys.readouterr().out
+    content = (tmp_path / "h/planning.jsonl").read_bytes()
+    assert "HM" in first
+    assert "MinZ" in first
+    assert _bench("heuristics", catalogue, tmp_path / "h", *FEW) == 0
+    assert capsys.readouterr().out == first
+    assert (tmp_path / "h/planning.jsonl").read_bytes() == content
+
+
+def test_rows_say_how_they_were_made_and_lines_what_they_are_of(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [line["method"] for line in document["rows"]] == ["hm", "minz"]
+    for line in document["rows"]:
+        assert line["constraints"] == "overlap"
+        assert line["n"] == 3
+        assert line["success"] == 1.0
+        low, high = line["ci95"]
+        assert 0.0 < low < high <= 1.0
+        assert line["cpu_s_median"] > 0.0
+    rows = list(read_rows(tmp_path / "planning.jsonl"))
+    assert len(rows) == 3 * 4  # witnesses of feasibility, too
+    for row in rows:
+        assert row["status"] == "ok"
+        assert row["options"]["heuristic"] == row["method"]
+        assert row["revision"] in document["revisions"]
+        assert "pole" not in row["order"]
+        assert row["overlaps"] == row["protrusions"] == row["blocked"] == 0
+
+
+def test_more_orders_go_on_from_fewer(catalogue: Path, tmp_path: Path) -> None:
+    few = ("--methods", "hm", "--settings", "default", "--constraints", "overlap")
+    assert _bench("heuristics", catalogue, tmp_path, "--orders", "2", *few) == 0
+    before = (tmp_path / "planning.jsonl").read_bytes()
+    assert _bench("heuristics", catalogue, tmp_path, "--orders", "3", *few) == 0
+    after = (tmp_path / "planning.jsonl").read_bytes()
+    assert after.startswith(before)
+    assert after.count(b"\n") * 2 == before.count(b"\n") * 3
+
+
+def test_shards_make_the_rows_of_the_whole(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path / "whole", *FEW) == 0
+    for shard in ("1/2", "2/2"):
+        assert _bench("heuristics", catalogue, tmp_path / "parts", *FEW, "--shard", shard) == 0
+    capsys.readouterr()
+    merge = ["bench", "merge", str(tmp_path / "parts"), "--out", str(tmp_path / "parts"), "--no-report"]
+    assert main([*merge, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["missing_jobs"] == 0
+    assert [line["n"] for line in document["rows"]] == [3, 3]
+    assert _rows(tmp_path / "parts") == _rows(tmp_path / "whole")
+
+
+def test_a_missing_shard_is_told(catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _bench("heuristics", catalogue, tmp_path / "a", *FEW, "--shard", "1/2") == 0
+    capsys.readouterr()
+    assert main(["bench", "merge", str(tmp_path / "a"), "--out", str(tmp_path / "b"), "--no-report"]) == 1
+    assert "4 jobs have no row yet" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_rows_are_the_same_on_any_number_of_workers(catalogue: Path, tmp_path: Path, workers: str) -> None:
+    assert _bench("heuristics", catalogue, tmp_path / "serial", *FEW, "--backend", "serial") == 0
+    pool = ("--backend", "pebble", "--workers", workers)
+    assert _bench("heuristics", catalogue, tmp_path / "pool", *FEW, *pool) == 0
+    assert _rows(tmp_path / "pool") == _rows(tmp_path / "serial")
+
+
+def test_fallback_and_heuristics_share_their_rows(catalogue: Path, tmp_path: Path) -> None:
+    few = ("--orders", "2", "--methods", "hm", "--settings", "default", "--constraints", "robot")
+    assert _bench("heuristics", catalogue, tmp_path, *few) == 0
+    before = (tmp_path / "planning.jsonl").read_bytes()
+    assert _bench("fallback", catalogue, tmp_path, *few) == 0
+    assert (tmp_path / "planning.jsonl").read_bytes() == before
+
+
+def test_small_orders_and_the_5d_search_give_their_tables(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ("--orders", "2", "--methods", "hm", "--settings", "default", "--json")
+    assert _bench("small-orders", catalogue, tmp_path, *few) == 0
+    (line,) = json.loads(capsys.readouterr().out)["rows"]
+    assert (line["method"], line["n"], line["paper_success"], line["paper_s"]) == ("hm", 2, 1.0, 8.54)
+    assert sum(int(part.split()[-1]) for part in line["figures"]["boxes"].split(", ")) == 2
+    assert _bench("search5d", catalogue, tmp_path, "--orders", "1", "--settings", "default", "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [line["method"] for line in document["rows"]] == ["prioritized", "5d alone"]
+    (comparison,) = document["comparisons"]
+    assert comparison["n"] == 1
+
+
+def test_orders_of_unseen_items_are_lines_of_their_own(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = tmp_path / "names"
+    names.write_text("ball\nbrick\nbar\ncan\n")
+    assert _bench("heuristics", catalogue, tmp_path / "h", *FEW, "--unseen", str(names), "--json") == 0
+    lines = json.loads(capsys.readouterr().out)["rows"]
+    assert [(line["method"], line["items"]) for line in lines] == [
+        ("hm", "all"),
+        ("minz", "all"),
+        ("hm", "unseen"),
+        ("minz", "unseen"),
+    ]
+    own = [row for row in read_rows(tmp_path / "h/planning.jsonl") if row["items"] == "unseen"]
+    assert {name for row in own for name in row["order"]} == {"ball", "brick", "bar", "can"}
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (("--methods", "hmm"), ("hmm", "hm")),
+        (("--settings", "papre"), ("papre", "paper")),
+        (("--container", "0.2x0.2"), ("0.2x0.2",)),
+        (("--shard", "3/2"), ("--shard 3/2", "2/8")),
+        (("--ray-address", "auto"), ("--ray-address", "--backend ray")),
+        (("--unseen", "nothing-here"), ("--unseen nothing-here", "second-half")),
+        (("--catalogue", "nowhere"), ("nowhere",)),
+    ],
+)
+def test_a_mistake_is_one_line(
+    catalogue: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    more: tuple[str, ...],
+    told: tuple[str, ...],
+) -> None:
+    refused(capsys, _bench("heuristics", catalogue, tmp_path / "out", *more), *told)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_box_that_takes_no_item_is_a_mistake(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = _bench("heuristics", catalogue, tmp_path, "--container", "0.02x0.02x0.02")
+    refused(capsys, code, "none of its items", "0.02x0.02x0.02", "--container")
+    assert not list(tmp_path.iterdir())
+
+
+def test_folders_that_hold_no_run_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, main(["bench", "report", str(tmp_path)]), str(tmp_path), "robotpack bench")
+    refused(capsys, main(["bench", "merge", str(tmp_path), "--out", str(tmp_path / "b")]), str(tmp_path))
+
+
+def test_shards_of_different_runs_do_not_merge(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, orders in (("a", "1"), ("b", "2")):
+        words = ("--methods", "hm", "--settings", "default", "--constraints", "overlap", "--orders", orders)
+        assert _bench("heuristics", catalogue, tmp_path / name, *words, "--shard", "1/2") == 0
+    capsys.readouterr()
+    folders = [str(tmp_path / name) for name in "ab"]
+    refused(capsys, main(["bench", "merge", *folders, "--out", str(tmp_path / "c")]), str(tmp_path / "b"))
+    assert not (tmp_path / "c").exists()
