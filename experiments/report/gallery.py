@@ -94,7 +94,7 @@ def shown(result: Result, rows: Sequence[Row], pictures: Pictures, folder: Path,
 
 def _worth_a_picture(rows: Sequence[Row]) -> list[Row]:
     """Rows of whole plans: of the paper's method where there are such, of many boxes, under most constraints."""
-    whole = [row for row in rows if row.get("complete", row.get("planned")) and _seconds(row) <= _LONGEST_S]
+    whole = [row for row in rows if _packed(row) and _seconds(row) <= _LONGEST_S]
     lead = [row for row in whole if row["method"] == "hm"] or whole
     strict = [row for row in lead if row["constraints"] == "robot"] or lead
     same = [
@@ -113,8 +113,14 @@ def _boxes_in_turn(rows: Sequence[Row]) -> Iterator[Row]:
         yield from (some[k] for some in by_box.values() if k < len(some))
 
 
+def _packed(row: Row) -> bool:
+    """Whether an order was packed whole, and carried out where that was tried."""
+    return bool(row.get("complete") or (row.get("planned") and row.get("nominal", {}).get("success")))
+
+
 def _seconds(row: Row) -> float:
-    return float(row.get("plan_cpu_s", row.get("cpu_s", 0.0)))
+    """CPU-seconds that the plan of a row takes again; none where it is in a file."""
+    return 0.0 if row.get("plan") else float(row.get("plan_cpu_s", row.get("cpu_s", 0.0)))
 
 
 def _title(row: Row) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from packenv.types import FloatArray
 
 from ..experiment import Row
-from ..planning_tables import PAPER_FALLBACK
+from ..planning_tables import PAPER_FALLBACK, search_named
 from ..results import Line, Result
 from .document import Plot
 from .drawing import (
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
 
 _Behind: TypeAlias = tuple[Line, Sequence[Row]]
 """A line, and the rows of its method and circumstances."""
-
-_LINE = ("method", "constraints", "setting", "items")
-"""What rows and their line have in common."""
 
 
 def plots_of(result: Result, rows: Sequence[Row]) -> tuple[Plot, ...]:
@@ -78,8 +75,12 @@ def _rows_by_line(result: Result, rows: Sequence[Row]) -> list[_Behind]:
     found: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if "error" not in row:
-            found.setdefault(tuple(row[name] for name in _LINE), []).append(row)
-    return [(line, found.get(tuple(getattr(line, name) for name in _LINE), [])) for line in result.lines]
+            method, setting = row["method"], row["setting"]
+            if result.experiment == "search5d":
+                method, setting = search_named(setting)
+            found.setdefault((method, row["constraints"], setting, row["items"]), []).append(row)
+    keys = [(line.method, line.constraints, line.setting, line.items) for line in result.lines]
+    return [(line, found.get(key, [])) for line, key in zip(result.lines, keys, strict=True)]
 
 
 def _success(panel: Panel) -> _Drawn:
@@ -123,8 +124,9 @@ def _times(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
     """How CPU time is distributed, a plot for each group of the table, and the paper's means."""
     groups: dict[str, list[tuple[Line, FloatArray]]] = {}
     for line, rows in behind:
-        if rows:
-            seconds = np.sort([max(float(row["cpu_s"]), 1e-6) for row in rows])
+        told = [row["cpu_s"] for row in rows if isinstance(row.get("cpu_s"), int | float)]
+        if told:
+            seconds = np.sort(np.maximum(told, 1e-6))
             groups.setdefault(circumstances(line), []).append((line, seconds))
     for title, shown in groups.items():
         figure, axes = empty_plot(2.9, xlabel="CPU-seconds a plan", ylabel="share of plans, %", xscale="log")
@@ -148,7 +150,7 @@ def _times(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
         plans = sorted({len(seconds) for _, seconds in shown})
         each = " to ".join(f"{n:,}" for n in dict.fromkeys((plans[0], plans[-1])))
         paper = ", ".join(f"{name} {number(s)} s" for s, name in told)
-        caption = f"Share of plans that took no longer, {title}; {each} plans a method."
+        caption = f"Share of plans that took no longer, {title}; {each} of each method."
         yield "time", caption + (f" Upright lines: the paper's means ({paper})." if told else ""), figure
 
 
@@ -221,4 +223,4 @@ def _moves(panel: Panel, behind: Sequence[_Behind], name: str) -> Iterator[_Draw
 def _released(line: Line, rows: Sequence[Row], name: str) -> FloatArray:
     """Of all items released in the executions behind a line, cm."""
     worlds = [row[line.world] for row in rows if isinstance(row.get(line.world), Mapping)]
-    return 100.0 * np.array([length for world in worlds for length in world[name]])
+    return 100.0 * np.array([length for world in worlds for length in world.get(name, ())])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..results import Comparison, Line, Result
-from .tables import SIGNIFICANT, Sorting, adjusted, circumstances, times_faster
-from .words import count, interval, method_name, number, percent
+from .tables import PAPER, SIGNIFICANT, Sorting, adjusted, circumstances, times_faster
+from .words import count, interval, method_name, number, percent, plain
 
 _LEAD = "hm"
 """The paper's own method, of which the summary speaks where it was run."""
@@ -46,6 +46,10 @@ def _line_words(line: Line) -> str:
         paper = line.paper_success
         place = "inside" if low <= paper <= high else "below" if paper < low else "above"
         words += f"; the paper reports {percent(paper)} %, {place} the interval"
+    for name, value in line.figures.items():
+        if (paper_figure := line.figures.get(PAPER + name)) is not None:
+            what, _, unit = plain(name).partition(", ")
+            words += f"; {what} {number(value)} {unit} (paper {number(paper_figure)})"
     return words
 
 

@@ -297,6 +297,7 @@ def test_executions_have_their_own_plots(tmp_path: Path) -> None:
     names = sorted(path.name for path in (tmp_path / "report/plots").iterdir())
     assert names == [f"execution-{kind}-1.svg" for kind in ("drop", "shift", "success")]
     assert "closed loop is carried out in 95.0 % of 20 orders" in page.text
+    assert "drop 1.15 cm (paper 1.36)" in page.text
     assert {"nominal world", "disturbed world", "drop, cm"} <= set(page.words)
 
 
@@ -305,6 +306,16 @@ def test_routes_of_the_fallback(tmp_path: Path) -> None:
     page, _ = written(tmp_path, result(line(), experiment="fallback"), rows=rows)
     assert {"later in the sequence", "5D search", "paper"} <= set(page.words)
     assert "of 10 items" in page.text
+
+
+def test_times_of_both_searches(tmp_path: Path) -> None:
+    rows = {"search5d": [row("k0"), row("k1", setting="default,search=5d")]}
+    lines = line("prioritized"), line("5d alone", paper_s=522.0)
+    page, _ = written(tmp_path, result(*lines, experiment="search5d"), rows=rows)
+    drawn = Page((tmp_path / "report/plots/search5d-time-1.svg").read_text(encoding="utf-8"))
+    assert {"prioritized", "5d alone", "paper's means"} <= set(drawn.words)
+    assert "; 1 of each method" in page.text
+    assert "5d alone 522 s" in page.text
 
 
 @pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
