@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from packenv.items.plan_items import Items
 from packenv.types import Plan
@@ -23,8 +24,10 @@ from .words import count, method_name, plain
 if TYPE_CHECKING:
     from packenv.execution.execute import ExecutedPlan
 
+T = TypeVar("T")
+
 _SIZE = (640, 480)
-_SHOTS, _PAGES = 6, 6
+_SHOTS, _FAILING = 6, 6
 _LONGEST_S = 30.0
 """Plans that took longer, CPU-seconds, are not made again for a picture."""
 
@@ -55,41 +58,67 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown(result: Result, rows: Sequence[Row], pictures: Pictures, folder: Path, watcher: Watcher) -> Shown:
-    """Draw packed boxes, and write a page of each of the first plans that fail.
+class Showcase:
+    """Draws packed boxes and plans that fail; what an earlier experiment has shown is not made twice."""
 
-    Args:
-        result: of the experiment.
-        rows: of the experiment.
-        pictures: where plans come from.
-        folder: of the report.
-        watcher: is told of progress.
-    """
-    left_out: list[str] = []
+    def __init__(self, pictures: Pictures, folder: Path, watcher: Watcher) -> None:
+        """Show nothing yet.
 
-    def made(row: Row) -> Plan | ExecutedPlan | None:
-        try:
-            return pictures.plan_of(result.experiment, row)
-        except Exception as problem:  # own rules raise anything, and a report is worth more than a picture
-            left_out.append(f"{_title(row)} is not shown: {plain(problem)}")
-            return None
+        Args:
+            pictures: where plans come from.
+            folder: of the report.
+            watcher: is told of progress, and of plans that cannot be shown.
+        """
+        self._pictures, self._folder, self._watcher = pictures, folder, watcher
+        self._drawn: set[str] = set()
+        self._pages: dict[str, str] = {}
 
-    shots = [
-        Shot(_file_name(result, row), _caption(row), _png(plan, pictures))
-        for row in watcher.progress(_worth_a_picture(rows), f"pictures of {result.experiment}")
-        if (plan := made(row)) is not None
-    ]
-    by_key = {
-        row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
-    }
-    keys = dict.fromkeys(failure.key for failure in result.failures if failure.key in by_key)
-    failing = [by_key[key] for key in keys][:_PAGES]
-    pages: dict[str, str] = {}
-    for row in watcher.progress(failing, f"pages of {result.experiment}"):
-        if (plan := made(row)) is not None:
-            pages[row["key"]] = f"{PAGES}/{_file_name(result, row)}.html"
-            show(plan, folder / pages[row["key"]], pictures.catalogue)
-    return Shown(tuple(shots), pages, tuple(left_out))
+    def of(self, result: Result, rows: Sequence[Row]) -> Shown:
+        """Pictures of packed boxes, and pages of the first plans that fail."""
+        left_out: list[str] = []
+
+        def tried(row: Row, draw: Callable[[Plan | ExecutedPlan], T]) -> T | None:
+            try:
+                return draw(self._pictures.plan_of(result.experiment, row))
+            except (
+                Exception
+            ) as problem:  # own rules raise anything, and a report is worth more than a picture
+                left_out.append(f"{_title(row)} is not shown: {plain(problem)}")
+                self._watcher.remark(left_out[-1])
+                return None
+
+        chosen = _worth_a_picture(rows)
+        if not self._drawn.isdisjoint(row["key"] for row in chosen):
+            chosen = []
+        shots = []
+        for row in self._watcher.progress(chosen, f"pictures of {result.experiment}"):
+            if (png := tried(row, self._png)) is not None:
+                self._drawn.add(row["key"])
+                shots.append(Shot(_file_name(result, row), _caption(row), png))
+        by_key = {
+            row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
+        }
+        failing = list(dict.fromkeys(f.key for f in result.failures if f.key in by_key))[:_FAILING]
+        new = [by_key[key] for key in failing if key not in self._pages]
+        for row in self._watcher.progress(new, f"pages of {result.experiment}"):
+            address = f"{PAGES}/{_file_name(result, row)}.html"
+            if tried(row, partial(self._page, address)):
+                self._pages[row["key"]] = address
+        pages = {key: self._pages[key] for key in failing if key in self._pages}
+        return Shown(tuple(shots), pages, tuple(left_out))
+
+    def _page(self, address: str, plan: Plan | ExecutedPlan) -> bool:
+        show(plan, self._folder / address, self._pictures.catalogue)
+        return True
+
+    def _png(self, plan: Plan | ExecutedPlan) -> bytes:
+        """A picture with a palette: a third of the bytes, and no difference that is seen."""
+        from PIL import Image
+
+        image = Image.fromarray(render_image(scene_of(plan, self._pictures.catalogue), size=_SIZE))
+        buffer = io.BytesIO()
+        image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
+        return buffer.getvalue()
 
 
 def _worth_a_picture(rows: Sequence[Row]) -> list[Row]:
@@ -136,13 +165,3 @@ def _caption(row: Row) -> str:
 
 def _file_name(result: Result, row: Row) -> str:
     return re.sub(r"[^A-Za-z0-9.-]+", "-", f"{result.experiment}-{row['key']}")[:100]
-
-
-def _png(plan: Plan | ExecutedPlan, pictures: Pictures) -> bytes:
-    """A picture with a palette: a third of the bytes, and no difference that is seen."""
-    from PIL import Image
-
-    image = Image.fromarray(render_image(scene_of(plan, pictures.catalogue), size=_SIZE))
-    buffer = io.BytesIO()
-    image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()

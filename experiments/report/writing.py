@@ -28,7 +28,7 @@ from .document import (
     Text,
 )
 from .extras import require_extras
-from .gallery import Pictures, Shown, shown
+from .gallery import Pictures, Showcase, Shown
 from .markdown import markdown_text
 from .page import page_text
 from .plots import plots_of
@@ -79,12 +79,11 @@ def write_report(
             (folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise InputError(f"{folder / name}: cannot be made ({problem.strerror})") from None
+    showcase = Showcase(pictures, folder, watcher)
     sections, files = [_head(results, commands)], list[Path]()
     for result in results:
         own = rows.get(result.experiment, ())
-        seen = shown(result, own, pictures, folder, watcher)
-        for sentence in seen.left_out:
-            watcher.remark(sentence)
+        seen = showcase.of(result, own)
         plots = plots_of(result, own)
         sections.append(_experiment(result, plots, seen))
         content = {folder / PLOTS / f"{plot.name}.svg": plot.svg.encode() for plot in plots}
@@ -97,7 +96,7 @@ def write_report(
     texts = {"report.html": page_text(document), "report.md": markdown_text(document)}
     for name, text in texts.items():
         write_whole(folder / name, text.encode())
-    return (*(folder / name for name in texts), *files)
+    return (*(folder / name for name in texts), *dict.fromkeys(files))
 
 
 def _head(results: Sequence[Result], commands: Sequence[str]) -> Section:

@@ -267,6 +267,17 @@ def test_what_cannot_be_planned_again_is_left_out_with_a_remark(tmp_path: Path) 
     assert not list((tmp_path / "report/pictures").iterdir())
 
 
+def test_rows_of_two_experiments_are_drawn_once(tmp_path: Path) -> None:
+    rows = [row("k0"), row("k1", 1, complete=False)]
+    both = [
+        result(line(), experiment=name, failures=(failure("k1", 1),)) for name in ("heuristics", "fallback")
+    ]
+    page, _ = written(tmp_path, *both, rows=dict.fromkeys(("heuristics", "fallback"), rows), pictures=Plans())
+    assert page.tags.count("img") == 1
+    assert page.addresses.count("report/pages/heuristics-k1.html") == 2
+    assert [path.name for path in (tmp_path / "report/pages").iterdir()] == ["heuristics-k1.html"]
+
+
 @pytest.mark.parametrize("lines", [(), (line(hits=1, n=1),), (line(hits=0, n=1, cpu_s_mean=0.0, **PAPER),)])
 def test_few_orders(tmp_path: Path, lines: tuple[Any, ...]) -> None:
     page, markdown = written(tmp_path, result(*lines))
