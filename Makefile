@@ -45,7 +45,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) install --constraint constraints.txt --editable '.[dev,bench,train]'
+	$(PIP) install --constraint constraints.txt --editable '.[dev,bench,ray,train]'
 	touch $@ $(VENV)/.core
 
 clean:

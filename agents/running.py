@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from packenv.backends import imap_unordered
 from packenv.env.config import PackConfig
 from packenv.io.rows import row_key
 from packenv.shipped import BUILTIN
@@ -19,13 +20,12 @@ from packenv.version import __version__
 
 from .protocol import Agent
 from .registry import make
-from .workers import run_jobs
 
 if TYPE_CHECKING:
     import gymnasium
 
 TIMEOUT = 1800.0
-"""Seconds after which a worker process gives an episode up."""
+"""Seconds after which an episode is given up."""
 
 OrderSpec: TypeAlias = Mapping[str, object] | str
 """What :func:`packenv.env.orders.from_spec` takes."""
@@ -186,7 +186,7 @@ def run_episodes(
         jobs: the episodes.
         setting: what they were made for by :func:`episode_jobs`.
         workers: number of processes; 1 runs all in this one.
-        timeout: seconds after which a worker process gives an episode up.
+        timeout: seconds after which an episode is given up.
 
     Raises:
         InputError: an agent or the environment cannot be made.
@@ -194,28 +194,27 @@ def run_episodes(
     if not jobs:
         return
     agents = tuple({job.agent.name: job.agent for job in jobs}.values())
-    by_key = {job.key: job for job in jobs}
     if workers > 1:
         # What is wrong with the input is said here, once, and not by every process.
         _prepare(setting, agents)
         _clear()
-    rows = run_jobs(
+    outcomes = imap_unordered(
         _work,
         jobs,
-        workers=0 if workers == 1 else workers,
+        backend="serial" if workers == 1 else "pebble",
+        workers=workers,
         timeout=timeout,
         prepare=_prepare,
         arguments=(setting, agents),
         start="spawn",
     )
     try:
-        for row in rows:
-            job = by_key[row["key"]]
-            if "error" in row:
-                error = " ".join(row["error"].split())
-                yield job.key, FailedEpisode(job.agent.name, job.episode, job.seed, error)
+        for outcome in outcomes:
+            job = outcome.job
+            if outcome.row is None:
+                yield job.key, FailedEpisode(job.agent.name, job.episode, job.seed, outcome.error)
             else:
-                yield job.key, row["record"]
+                yield job.key, outcome.row["record"]
     finally:
         _clear()
 
@@ -282,7 +281,7 @@ def _work(job: EpisodeJob) -> dict[str, Any]:
     assert _Process.env is not None
     agent = _Process.agents[job.agent.name]
     record = run_episode(_Process.env, agent, name=job.agent.name, episode=job.episode, seed=job.seed)
-    return {"key": job.key, "record": record}
+    return {"record": record}
 
 
 def record_row(key: str, record: EpisodeRecord) -> dict[str, Any]:
