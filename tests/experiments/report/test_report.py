@@ -171,7 +171,7 @@ def test_what_it_says_is_made_of_the_numbers(usual: tuple[Path, Page, str], tmp_
         "HM packs 95.0 % of 20 orders (95 % interval 76.4 to 99.1 %); the paper reports 98.7 %, inside"
         in page.text
     )
-    assert "at least 382: 15.7 s against 0.0412 CPU-seconds by HM" in page.text
+    assert "at least 382 times ours: 15.7 s against 0.0412 CPU-seconds by HM" in page.text
     assert "HM over MTA by 60.0 points" in page.text
     assert "1 job broke" in page.text
     other, _ = written(tmp_path, result(line("hm", 3, **PAPER)))
@@ -307,7 +307,7 @@ def test_executions_have_their_own_plots(tmp_path: Path) -> None:
     page, _ = written(tmp_path, result(*lines, experiment="execution"), rows=rows)
     names = sorted(path.name for path in (tmp_path / "report/plots").iterdir())
     assert names == [f"execution-{kind}-1.svg" for kind in ("drop", "shift", "success")]
-    assert "closed loop is carried out in 95.0 % of 20 orders" in page.text
+    assert "plans of “closed loop” are carried out in 95.0 % of 20 orders" in page.text
     assert "drop 1.15 cm (paper 1.36)" in page.text
     assert {"nominal world", "disturbed world", "drop, cm"} <= set(page.words)
 
