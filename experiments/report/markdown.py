@@ -9,7 +9,7 @@ from .document import PICTURES, PLOTS, Block, Command, Document, Gallery, Headin
 from .tables import Cell, Column, Table
 from .words import plain
 
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|~$!])")
+_SPECIAL = re.compile(r"([\\`*_\[\]<>#|~$])")
 
 
 def markdown_text(document: Document) -> str:
