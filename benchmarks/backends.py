@@ -8,7 +8,7 @@ writing a row: the costs of :class:`packenv.experiments.scaling.Costs`.
 
 from __future__ import annotations
 
-from benchmarks import one_thread  # noqa: F401  isort: skip
+from packenv.experiments import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import json

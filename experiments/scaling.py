@@ -37,7 +37,7 @@ Order: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Costs:
-    """What a run takes beside its jobs, s; the defaults are measured by :mod:`benchmarks.backends`.
+    """What a run takes beside its jobs, s; the defaults are Ray's, as :mod:`benchmarks.backends` measures them.
 
     Attributes:
         begin: of the driver before the first job: imports, the catalogue, drawing the orders. A shard does this, too.
@@ -47,10 +47,10 @@ class Costs:
         wait: of a worker between two jobs beside that: messages.
     """
 
-    begin: float = 6.0
-    start: float = 4.0
-    row: float = 0.002
-    wait: float = 0.001
+    begin: float = 1.5
+    start: float = 2.0
+    row: float = 0.005
+    wait: float = 0.0025
 
 
 @dataclass(frozen=True)
