@@ -23,8 +23,7 @@ from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.io.rows import read_rows
 
-WORKERS = tuple(2**k for k in range(13))
-"""1 to 4,096."""
+WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000, 2048, 4096)
 WORTH = 0.5
 """Efficiency below which more workers are not worth their time."""
 GROUP = ("method", "constraints", "setting", "items")
@@ -142,16 +141,19 @@ def job_times(folders: Iterable[Path]) -> dict[Kind, list[float]]:
     return {kind: list(of.values()) for kind, of in times.items()}
 
 
-def drawn(times: Mapping[Kind, Sequence[float]], orders: int, seed: int = 0) -> list[Order]:
+def drawn(
+    times: Mapping[Kind, Sequence[float]], orders: int, *, seed: int = 0, scale: float = 1.0
+) -> list[Order]:
     """Orders with a job of each kind, whose seconds are drawn from the measured ones.
 
     Args:
         times: seconds of jobs by their kind.
         orders: how many.
         seed: of the draw.
+        scale: they are multiplied by this.
     """
     chance = random.Random(seed)
-    return [tuple(chance.choice(measured) for measured in times.values()) for _ in range(orders)]
+    return [tuple(scale * chance.choice(measured) for measured in times.values()) for _ in range(orders)]
 
 
 def simulate(orders: Sequence[Order], costs: Costs, workers: Sequence[int] = WORKERS) -> dict[str, Any]:
@@ -254,6 +256,13 @@ def main() -> int:
         "--orders", type=int, default=1000, help="so many of each kind of job (default: 1000)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the draw of times (default: 0)")
+    parser.add_argument(
+        "--scale",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="multiply the times of jobs by this, for faster cores or where the measuring machine was shared",
+    )
     for name, value in asdict(usual).items():
         parser.add_argument(f"--{name}", type=float, default=value, help=f"seconds (default: {value:g})")
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -264,8 +273,10 @@ def main() -> int:
     costs = Costs(given.begin, given.start, given.row, given.wait)
     if min(asdict(costs).values()) < 0:
         raise InputError("--begin, --start, --row and --wait are seconds, give 0 or more")
+    if not given.scale > 0:
+        raise InputError(f"--scale is {given.scale:g}, give a number above 0")
     times = job_times(given.folders)
-    found = simulate(drawn(times, given.orders, given.seed), costs)
+    found = simulate(drawn(times, given.orders, seed=given.seed, scale=given.scale), costs)
     found["kinds"] = [
         {
             **dict(zip(("rows", *GROUP), kind, strict=True)),

@@ -16,6 +16,7 @@ from hypothesis import given, strategies as st
 from packenv.backends import imap_unordered
 from packenv.errors import InputError
 from packenv.experiments.scaling import (
+    WORKERS,
     Costs,
     drawn,
     job_times,
@@ -153,6 +154,7 @@ def test_times_are_the_last_ones_of_jobs_that_went_well(tmp_path: Path) -> None:
     assert {order[0] for order in orders} == {1.0, 2.0}
     assert {order[1] for order in orders} == {5.0}
     assert orders == drawn(times, 500) != drawn(times, 500, seed=1)
+    assert drawn(times, 500, scale=2.0) == [(2 * a, 2 * b) for a, b in orders]
     with pytest.raises(InputError, match="no row of a job that went well"):
         job_times([tmp_path / "nothing"])
 
@@ -180,6 +182,6 @@ def test_the_program(tmp_path: Path) -> None:
     assert found["jobs"] == 80
     assert found["costs"]["row"] == 0.5
     assert [kind["n"] for kind in found["kinds"]] == [2, 1]
-    assert [point["workers"] for point in found["queue"]] == [2**k for k in range(13)]
+    assert [point["workers"] for point in found["queue"]] == list(WORKERS)
     assert picture.read_text().startswith("<?xml")
     assert "At least half of the time goes into jobs" in printed()
