@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -103,21 +103,13 @@ def finish(
     Raises:
         InputError: the file holds something else than rows, or another run writes it.
     """
-    with _alone(out):
-        file = RowFile(out)
-        wanted = {job.key: job for job in jobs}
-        found: dict[str, Row] = {}
-        others: Counter[str] = Counter()
-        for row in read_rows(out) if out.exists() else ():
-            if row["key"] in wanted:
-                own = row.get("revision") == revision
-                if not own:
-                    others[str(row.get("revision"))] += 1
-                if own or (any_revision and row["key"] not in found):
-                    found[row["key"]] = row
+    wanted = {job.key: job for job in jobs}
+    with nullcontext() if only_read else _alone(out):
+        found, others = _read(out, wanted, revision, any_revision=any_revision)
         missing = [job for key, job in wanted.items() if key not in found or "error" in found[key]]
         new = 0
         if missing and not only_read:
+            file = RowFile(out)
             outcomes = imap_unordered(
                 work,
                 missing,
@@ -131,19 +123,30 @@ def finish(
             for outcome in _told(outcomes, what, len(wanted), len(wanted) - len(missing)):
                 key = outcome.job.key
                 row = {"key": key, "status": outcome.status, "revision": revision}
-                row |= (head(outcome.job) if head else {}) | (outcome.row or {"error": outcome.error})
+                row |= head(outcome.job) if head else {}
+                row |= {"error": outcome.error} if outcome.row is None else outcome.row
                 row["seconds"] = outcome.seconds
                 file.append(row)
                 found[key] = row
                 new += 1
-    rows_in_turn = tuple(found[key] for key in wanted if key in found)
-    return Finished(
-        rows_in_turn,
-        tuple(row for row in rows_in_turn if "error" in row),
-        len(wanted) - len(rows_in_turn),
-        new,
-        others,
-    )
+    rows = tuple(found[key] for key in wanted if key in found)
+    broken = tuple(row for row in rows if "error" in row)
+    return Finished(rows, broken, len(wanted) - len(rows), new, others)
+
+
+def _read(
+    out: Path, wanted: Collection[str], revision: str, *, any_revision: bool
+) -> tuple[dict[str, Row], Counter[str]]:
+    """The last row of each job that is wanted, and how many rows there are of other revisions."""
+    found: dict[str, Row] = {}
+    others: Counter[str] = Counter()
+    for row in read_rows(out) if out.exists() else ():
+        key, own = row["key"], row.get("revision") == revision
+        if key in wanted:
+            others[str(row.get("revision"))] += not own
+            if own or (any_revision and key not in found):
+                found[key] = row
+    return found, +others
 
 
 def _told(rows: Iterable[Outcome[Any]], what: str, total: int, before: int) -> Iterator[Outcome[Any]]:

@@ -116,7 +116,7 @@ def test_document(page: Path) -> None:
 @pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: page.name)
 def test_commands_have_the_options_that_are_shown(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words in commands(page.read_text(encoding="utf-8")):
-        names = words[: 2 if words[0] == "items" else 1]
+        names = words[: 2 if words[0] in ("items", "bench") else 1]
         with pytest.raises(SystemExit) as end:
             main([*names, "--help"])
         assert end.value.code == 0

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from packenv.cli import main
 from packenv.errors import InputError
 from packenv.execution.execute import ExecutedPlan
 from packenv.experiments import execution
@@ -76,6 +77,23 @@ def test_a_job_is_shown_in_the_world_in_which_it_fails(spec: RunSpec) -> None:
         assert shown.verdict == (
             "success" if not failed else f"{row[failed[0]]['cause']}: {row[failed[0]]['detail']}"
         )
+
+
+def test_from_the_command_line_the_second_run_does_nothing_and_says_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_three(tmp_path)
+    words = ["--catalogue", str(tmp_path), "--orders", "1", "--items", "2", "--container", "0.2x0.2x0.12"]
+    words += ["--columns", "paper", "cautious", "--engine", "mujoco", "--backend", "serial", "--no-report"]
+    told = []
+    for _ in range(2):
+        assert main(["bench", "execution", *words, "--out", str(tmp_path / "run"), "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    assert told[0] == told[1]
+    assert [(line["method"], line["world"], line["n"]) for line in told[0]["rows"]] == [
+        (column, world, 1) for world in WORLDS for column in ("paper", "cautious")
+    ]
+    assert len((tmp_path / "run" / "execution.jsonl").read_text().splitlines()) == 2
 
 
 def test_the_world_of_an_order_is_the_same_in_all_columns(spec: RunSpec) -> None:
