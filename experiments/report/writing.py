@@ -31,6 +31,7 @@ from .extras import require_extras
 from .gallery import Pictures, Showcase, Shown
 from .markdown import markdown_text
 from .page import page_text
+from .paper_figures import figures_section
 from .plots import plots_of
 from .sentences import summary
 from .tables import Cell, Column, Group, Table, comparisons_table, failures_table, results_table
@@ -57,6 +58,8 @@ def write_report(
     watcher: Watcher = SILENT,
 ) -> tuple[Path, ...]:
     """Write ``report.html``, a page by itself, and ``report.md``, whose plots and pictures are beside it.
+
+    Where ``robotpack bench figures`` wrote into ``folder/figures``, the paper's figures are in them, too.
 
     Args:
         folder: where they go.
@@ -91,6 +94,13 @@ def write_report(
         for path, some in content.items():
             write_whole(path, some)
         files += [*content, *(folder / address for address in seen.pages.values())]
+    if (figures := figures_section(folder)) is not None:
+        sections.append(figures)
+        for block in figures.blocks:
+            if isinstance(block, Gallery):
+                files += [folder / PICTURES / f"{shot.name}.png" for shot in block.shots]
+                for shot in block.shots:
+                    write_whole(folder / PICTURES / f"{shot.name}.png", shot.png)
     sections.append(_foot(commands))
     document = Document("RobotPack: the paper's experiments, and ours", tuple(sections))
     texts = {"report.html": page_text(document), "report.md": markdown_text(document)}
