@@ -42,6 +42,10 @@ _Behind: TypeAlias = tuple[Line, Sequence[Row]]
 """A line, and the rows of its method and circumstances."""
 
 
+_STEPS = 400
+"""Steps of a curve at most: more are not seen, and make a page of 10,000 orders slow."""
+
+
 def plots_of(result: Result, rows: Sequence[Row]) -> tuple[Plot, ...]:
     """All plots of an experiment; those for which there is nothing to show are left out."""
     import matplotlib as mpl
@@ -132,10 +136,11 @@ def _times(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
         figure, axes = empty_plot(2.9, xlabel="CPU-seconds a plan", ylabel="share of plans, %", xscale="log")
         colours = colours_of([line.method for line, _ in shown])
         for k, (line, seconds) in enumerate(shown):
-            share = 100.0 * np.arange(len(seconds) + 1) / len(seconds)
+            share = np.linspace(0.0, 1.0, min(len(seconds), _STEPS) + 1)
+            steps = np.quantile(seconds, share[1:], method="inverted_cdf")
             look: Any = {"color": colours[line.method], "ls": DASHES[k % len(DASHES)]}
             axes.step(
-                [seconds[0], *seconds], share, where="post", lw=1.6, label=label_of(line.method), **look
+                [seconds[0], *steps], 100.0 * share, where="post", lw=1.6, label=label_of(line.method), **look
             )
             if line.paper_s is not None:
                 axes.axvline(line.paper_s, lw=1.2, **look)

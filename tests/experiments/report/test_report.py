@@ -312,6 +312,12 @@ def test_executions_have_their_own_plots(tmp_path: Path) -> None:
     assert {"nominal world", "disturbed world", "drop, cm"} <= set(page.words)
 
 
+def test_many_orders_make_no_large_plot(tmp_path: Path) -> None:
+    rows = {"heuristics": [row(f"k{k}", k, cpu_s=0.01 * 1.001**k, complete=False) for k in range(5000)]}
+    written(tmp_path, result(line(hits=0, n=5000)), rows=rows)
+    assert (tmp_path / "report/plots/heuristics-time-1.svg").stat().st_size < 50_000
+
+
 def test_routes_of_the_fallback(tmp_path: Path) -> None:
     rows = {"fallback": [row("k0", routes={"first-pass": 7, "later": 2, "5d": 1})]}
     page, _ = written(tmp_path, result(line(), experiment="fallback"), rows=rows)
