@@ -10,6 +10,7 @@ from typing import Any
 
 from packenv import api
 from packenv.config import EngineName
+from packenv.errors import InputError
 from packenv.items.catalogue import Catalogue
 from packenv.items.plan_items import shelf_for
 from packenv.items.shelf import ItemShelf
@@ -86,8 +87,18 @@ class Source:
         return shelf_for(self.catalogue, options)
 
     def names(self, options: PlanOptions, container: Container) -> list[str]:
-        """The items that fit into a container alone."""
-        return fitting(self.shelf(options).prepared, container, options.grid)
+        """The items that fit into a container alone.
+
+        Raises:
+            InputError: there are none.
+        """
+        found = fitting(self.shelf(options).prepared, container, options.grid)
+        if not found:
+            raise InputError(
+                f"figures: no item of {self.catalogue.label} fits a box of {size_words(container)}, give smaller "
+                "items, or the unit of their meshes"
+            )
+        return found
 
     def plan(
         self,

@@ -160,9 +160,8 @@ def save(figure: Figure, out: Path, name: str, *, vector: bool = False) -> tuple
 
     files = [out / f"{name}.png"]
     stream = io.BytesIO()
-    # With a palette: a third of the bytes, and no difference that is seen.
-    picture = Pillow.fromarray(drawn(figure)).quantize(256, dither=Pillow.Dither.FLOYDSTEINBERG)
-    picture.save(stream, format="PNG", optimize=True)
+    # Without a palette: 256 colours are too few for ten items, and small ones lose theirs.
+    Pillow.fromarray(drawn(figure)).save(stream, format="PNG", optimize=True)
     write_whole(files[0], stream.getvalue())
     if vector:
         files.append(out / f"{name}.svg")

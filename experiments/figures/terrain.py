@@ -49,7 +49,7 @@ def heightmap(source: Source) -> Figure | None:
         f"{float(surface.heights.max()) * 100:.1f} cm. Each cell holds the highest point over all of it. Planned with "
         f"the paper's preset; order index {index} of seed {source.seed}."
     )
-    drawing = _draw(plan, surface, source.picture(plan, _SIZE, _AZIMUTH, _ELEVATION))
+    drawing = draw(plan, surface, source.picture(plan, _SIZE, _AZIMUTH, _ELEVATION))
     made_of = {
         "seed": source.seed,
         "index": index,
@@ -69,7 +69,8 @@ def heightmap(source: Source) -> Figure | None:
     )
 
 
-def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
+def draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
+    """The figure of a plan, its heightmap and its picture."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure as Drawing
     from matplotlib.patches import Patch
@@ -80,10 +81,10 @@ def _draw(plan: Plan, surface: ContainerMap, picture: Image) -> Drawing:
     heights = 100.0 * surface.heights.astype(np.float64)
     palette = (255 * colormaps[_COLOURS](np.linspace(0, 1, _BANDS))[:, :3]).round().astype(int)
     drawing = Drawing(figsize=(_WIDTH / DPI, _HEIGHT / DPI), dpi=DPI, facecolor="white")
-    columns = draw_surface(surface, [(r, g, b) for r, g, b in palette.tolist()], _SIZE)
+    cells = draw_surface(surface, [(r, g, b) for r, g, b in palette.tolist()], _SIZE)
     for left, title, shown in (
         (5, "Packed box", picture),
-        (_WIDTH - _SIZE[0] - 5, "Heightmap, cell by cell", columns),
+        (_WIDTH - _SIZE[0] - 5, "Heightmap, cell by cell", cells),
     ):
         place = (left / _WIDTH, 24 / _HEIGHT, _SIZE[0] / _WIDTH, _SIZE[1] / _HEIGHT)
         show_picture(drawing.add_axes(place), shown)
@@ -118,11 +119,11 @@ def draw_surface(
     """
     corners = box_corners(surface.container)
     camera = camera_around(corners, size, _AZIMUTH, _ELEVATION)
-    return paint(surface.container, _columns(surface, palette), camera, FINE, corners)
+    return paint(surface.container, columns(surface, palette), camera, FINE, corners)
 
 
-def _columns(surface: ContainerMap, palette: Sequence[tuple[int, int, int]]) -> list[Surface]:
-    """Tops of the cells and steps between them, a surface for each colour."""
+def columns(surface: ContainerMap, palette: Sequence[tuple[int, int, int]]) -> list[Surface]:
+    """Tops of the cells and steps between them, a surface for each colour; see :func:`draw_surface`."""
     cell, heights = surface.cell_size, surface.heights.astype(np.float64)
     steps = np.pad(heights, 1)
     quads: list[FloatArray] = []

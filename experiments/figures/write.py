@@ -24,14 +24,14 @@ INDEX = "figures.json"
 """File that lists the figures."""
 
 MAKERS: dict[str, Callable[[Source], Figure | None]] = {
+    "heightmap": heightmap,
     "bowls": bowls,
     "stable-versus-not": stable_versus_not,
-    "heightmap": heightmap,
     "small-orders": small_gallery,
     "large-orders": large_gallery,
     "failure": failure,
 }
-"""Each figure by its name; None where the catalogue has not what it shows."""
+"""Each figure by its name, in the sequence of the paper; None where the catalogue has not what it shows."""
 
 
 def write_figures(
@@ -57,9 +57,11 @@ def write_figures(
         The figures that were written.
 
     Raises:
-        InputError: matplotlib is not installed, the catalogue cannot be used, or a file cannot be written.
+        InputError: matplotlib is not installed, the seed or the catalogue cannot be used, or a file cannot be written.
     """
     check_matplotlib()
+    if seed < 0:
+        raise InputError(f"seed is {seed}, give a whole number of at least 0")
     source = Source(open_catalogue(catalogue, unit=unit), unit, seed, engine, out, watcher)
     try:
         out.mkdir(parents=True, exist_ok=True)
