@@ -112,7 +112,7 @@ def _silent() -> Iterator[None]:
     """Keep off standard output what Ray prints of each worker that dies: the job's outcome tells of it."""
     from ray._private import worker
 
-    before = worker.print_to_stdstream
+    before = getattr(worker, "print_to_stdstream", None)  # not public: a later Ray may have none
     worker.print_to_stdstream = lambda *_, **__: None
     try:
         yield

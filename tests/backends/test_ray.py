@@ -181,7 +181,7 @@ def _children() -> set[psutil.Process]:
     return set(psutil.Process().children(recursive=True))
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1:1", "head", "auto"])
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "head"])
 def test_a_cluster_that_is_not_there_is_named(address: str) -> None:
     done = imap_unordered(
         work,
