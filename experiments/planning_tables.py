@@ -189,13 +189,18 @@ def small_orders_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     return _result("small-orders", "Small orders", spec, rows, lines, _against_first(groups))
 
 
+def search_named(setting: str) -> tuple[str, str]:
+    """Method and setting of the line that rows of a setting belong to, where searches are compared."""
+    plain = setting.replace(",search=5d", "")
+    return "prioritized" if plain == setting else "5d alone", plain
+
+
 def search5d_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     """Prioritized search with the fallback, and all orientations at once."""
     feasible = feasible_orders(rows)
     named = []
     for g in _without(_grouped(rows), feasible):
-        setting, _, searched = g.group.setting.partition(",search=5d")
-        method = "prioritized" if searched == "" and setting == g.group.setting else "5d alone"
+        method, setting = search_named(g.group.setting)
         named.append(_Rows(method, Group(g.group.constraints, setting, g.group.items), g.rows))
     lines = []
     for g in named:
@@ -216,12 +221,9 @@ def fallback_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
             if row["complete"]:
                 routes.update(row["routes"])
         late = routes["later"] + routes["5d"]
-        figures: dict[str, float | int | str | None] = {
-            "items": routes.total(),
-            "by fallback, %": 100.0 * late / routes.total() if routes else None,
-            "of these later, %": 100.0 * routes["later"] / late if late else None,
-            "of these 5D, %": 100.0 * routes["5d"] / late if late else None,
-        }
+        figures: dict[str, float | int | str | None] = {"items": routes.total()}
+        shares = ((late, routes.total()), (routes["later"], late), (routes["5d"], late))
+        for (name, paper), (part, whole) in zip(PAPER_FALLBACK.items(), shares, strict=True):
+            figures |= {name: 100.0 * part / whole if whole else None, f"paper: {name}": paper}
         lines.append(line(g.method, g.group, list(g.trials.values()), figures=figures))
-    told = ", ".join(f"{name.removesuffix(', %')} {value:g} %" for name, value in PAPER_FALLBACK.items())
-    return _result("fallback", "Fallback", spec, rows, lines, remarks=[f"The paper: {told}."])
+    return _result("fallback", "Fallback", spec, rows, lines)

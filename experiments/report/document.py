@@ -75,9 +75,15 @@ class Shot:
 
 @dataclass(frozen=True)
 class Gallery:
-    """Pictures beside each other where there is room."""
+    """Pictures beside each other where there is room.
+
+    Attributes:
+        shots: the pictures.
+        large: each as wide as the page.
+    """
 
     shots: tuple[Shot, ...]
+    large: bool = False
 
 
 Block: TypeAlias = Text | Points | Command | Heading | Table | Plots | Gallery

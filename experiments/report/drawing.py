@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#1c2733", "#B07D00", "#56B4E9")
-PAPER = "#1c2733"
-"""Of what the paper reports."""
 DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.2, 1, 1.2)), (0, (2, 1)), (0, (8, 1.5, 1, 1.5, 1, 1.5)), (0, (1, 1)))
 MARKERS = ("o", "s", "^", "v")
 STYLE: Any = {
@@ -69,6 +67,12 @@ def legend(figure: Figure, axes: Axes) -> None:
             len(labels) if letters <= 1.7 * _LONGEST_LEGEND else 3 if letters <= 3 * _LONGEST_LEGEND else 2
         )
         figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+
+
+def mark_paper(axes: Axes, values: Sequence[float], heights: Sequence[float]) -> None:
+    """Mark what the paper reports, as nothing of ours is marked."""
+    look: Any = {"markersize": 8, "markeredgewidth": 1.2, "markerfacecolor": "none"}
+    axes.plot(values, heights, "D", color="#1c2733", label="paper", **look)
 
 
 def label_of(method: str) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from packenv.items.plan_items import Items
 from packenv.types import Plan
@@ -23,8 +24,10 @@ from .words import count, method_name, plain
 if TYPE_CHECKING:
     from packenv.execution.execute import ExecutedPlan
 
+T = TypeVar("T")
+
 _SIZE = (640, 480)
-_SHOTS, _PAGES = 6, 6
+_SHOTS, _FAILING = 6, 6
 _LONGEST_S = 30.0
 """Plans that took longer, CPU-seconds, are not made again for a picture."""
 
@@ -55,51 +58,79 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown(result: Result, rows: Sequence[Row], pictures: Pictures, folder: Path, watcher: Watcher) -> Shown:
-    """Draw packed boxes, and write a page of each of the first plans that fail.
+class Showcase:
+    """Draws packed boxes and plans that fail; what an earlier experiment has shown is not made twice."""
 
-    Args:
-        result: of the experiment.
-        rows: of the experiment.
-        pictures: where plans come from.
-        folder: of the report.
-        watcher: is told of progress.
-    """
-    left_out: list[str] = []
+    def __init__(self, pictures: Pictures, folder: Path, watcher: Watcher) -> None:
+        """Show nothing yet.
 
-    def made(row: Row) -> Plan | ExecutedPlan | None:
-        try:
-            return pictures.plan_of(result.experiment, row)
-        except Exception as problem:  # own rules raise anything, and a report is worth more than a picture
-            left_out.append(f"{_title(row)} is not shown: {plain(problem)}")
-            return None
+        Args:
+            pictures: where plans come from.
+            folder: of the report.
+            watcher: is told of progress, and of plans that cannot be shown.
+        """
+        self._pictures, self._folder, self._watcher = pictures, folder, watcher
+        self._drawn: set[str] = set()
+        self._pages: dict[str, str] = {}
 
-    shots = [
-        Shot(_file_name(result, row), _caption(row), _png(plan, pictures))
-        for row in watcher.progress(_worth_a_picture(rows), f"pictures of {result.experiment}")
-        if (plan := made(row)) is not None
-    ]
-    by_key = {
-        row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
-    }
-    failing = [by_key[failure.key] for failure in result.failures if failure.key in by_key][:_PAGES]
-    pages: dict[str, str] = {}
-    for row in watcher.progress(failing, f"pages of {result.experiment}"):
-        if (plan := made(row)) is not None:
-            pages[row["key"]] = f"{PAGES}/{_file_name(result, row)}.html"
-            show(plan, folder / pages[row["key"]], pictures.catalogue)
-    return Shown(tuple(shots), pages, tuple(left_out))
+    def of(self, result: Result, rows: Sequence[Row]) -> Shown:
+        """Pictures of packed boxes, and pages of the first plans that fail."""
+        left_out: list[str] = []
+
+        def tried(row: Row, draw: Callable[[Plan | ExecutedPlan], T]) -> T | None:
+            try:
+                return draw(self._pictures.plan_of(result.experiment, row))
+            except (
+                Exception
+            ) as problem:  # own rules raise anything, and a report is worth more than a picture
+                left_out.append(f"{_title(row)} is not shown: {plain(problem)}")
+                self._watcher.remark(left_out[-1])
+                return None
+
+        chosen = _worth_a_picture(rows)
+        if not self._drawn.isdisjoint(row["key"] for row in chosen):
+            chosen = []
+        shots = []
+        for row in self._watcher.progress(chosen, f"pictures of {result.experiment}"):
+            if (png := tried(row, self._png)) is not None:
+                self._drawn.add(row["key"])
+                shots.append(Shot(_file_name(result, row), _caption(row), png))
+        by_key = {
+            row["key"]: row for row in rows if row.get("status", "ok") == "ok" and _seconds(row) <= _LONGEST_S
+        }
+        failing = list(dict.fromkeys(f.key for f in result.failures if f.key in by_key))[:_FAILING]
+        new = [by_key[key] for key in failing if key not in self._pages]
+        for row in self._watcher.progress(new, f"pages of {result.experiment}"):
+            address = f"{PAGES}/{_file_name(result, row)}.html"
+            if tried(row, partial(self._page, address)):
+                self._pages[row["key"]] = address
+        pages = {key: self._pages[key] for key in failing if key in self._pages}
+        return Shown(tuple(shots), pages, tuple(left_out))
+
+    def _page(self, address: str, plan: Plan | ExecutedPlan) -> bool:
+        show(plan, self._folder / address, self._pictures.catalogue)
+        return True
+
+    def _png(self, plan: Plan | ExecutedPlan) -> bytes:
+        """A picture with a palette: a third of the bytes, and no difference that is seen."""
+        from PIL import Image
+
+        image = Image.fromarray(render_image(scene_of(plan, self._pictures.catalogue), size=_SIZE))
+        buffer = io.BytesIO()
+        image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
+        return buffer.getvalue()
 
 
 def _worth_a_picture(rows: Sequence[Row]) -> list[Row]:
     """Rows of whole plans: of the paper's method where there are such, of many boxes, under most constraints."""
-    whole = [row for row in rows if row.get("complete", row.get("planned")) and _seconds(row) <= _LONGEST_S]
+    whole = [row for row in rows if _packed(row) and _seconds(row) <= _LONGEST_S]
     lead = [row for row in whole if row["method"] == "hm"] or whole
     strict = [row for row in lead if row["constraints"] == "robot"] or lead
     same = [
         row for row in strict if (row["setting"], row["items"]) == (strict[0]["setting"], strict[0]["items"])
     ]
-    return list(_boxes_in_turn(sorted(same, key=lambda row: int(row["index"]))))[:_SHOTS]
+    orders = {int(row["index"]): row for row in reversed(same)}
+    return list(_boxes_in_turn([row for _, row in sorted(orders.items())]))[:_SHOTS]
 
 
 def _boxes_in_turn(rows: Sequence[Row]) -> Iterator[Row]:
@@ -111,8 +142,14 @@ def _boxes_in_turn(rows: Sequence[Row]) -> Iterator[Row]:
         yield from (some[k] for some in by_box.values() if k < len(some))
 
 
+def _packed(row: Row) -> bool:
+    """Whether an order was packed whole, and carried out where that was tried."""
+    return bool(row.get("complete") or (row.get("planned") and row.get("nominal", {}).get("success")))
+
+
 def _seconds(row: Row) -> float:
-    return float(row.get("plan_cpu_s", row.get("cpu_s", 0.0)))
+    """CPU-seconds that the plan of a row takes again; none where it is in a file."""
+    return 0.0 if row.get("plan") else float(row.get("plan_cpu_s", row.get("cpu_s", 0.0)))
 
 
 def _title(row: Row) -> str:
@@ -128,13 +165,3 @@ def _caption(row: Row) -> str:
 
 def _file_name(result: Result, row: Row) -> str:
     return re.sub(r"[^A-Za-z0-9.-]+", "-", f"{result.experiment}-{row['key']}")[:100]
-
-
-def _png(plan: Plan | ExecutedPlan, pictures: Pictures) -> bytes:
-    """A picture with a palette: a third of the bytes, and no difference that is seen."""
-    from PIL import Image
-
-    image = Image.fromarray(render_image(scene_of(plan, pictures.catalogue), size=_SIZE))
-    buffer = io.BytesIO()
-    image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()

@@ -9,7 +9,7 @@ from .document import PICTURES, PLOTS, Block, Command, Document, Gallery, Headin
 from .tables import Cell, Column, Table
 from .words import plain
 
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|~$!])")
+_SPECIAL = re.compile(r"([\\`*_\[\]<>#|~$])")
 
 
 def markdown_text(document: Document) -> str:
@@ -36,7 +36,7 @@ def _block(block: Block) -> list[str]:
             return ["\n".join(f"- {escaped(item)}" for item in block.items)]
         case Command():
             # Indented code has no end that a line could write.
-            return ["\n".join(f"    {plain(line)}" for line in block.lines)]
+            return ["\n".join(f"    {line}" for line in block.lines)]
         case Plots():
             return [_picture(f"{PLOTS}/{plot.name}.svg", plot.caption) for plot in block.plots]
         case Gallery():

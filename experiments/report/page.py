@@ -18,8 +18,9 @@ def page_text(document: Document) -> str:
 
     def svg_of(plot: Plot) -> Markup:
         """The plot as a part of a page, where two plots may not share names of their parts."""
-        inside = plot.svg[plot.svg.index("<svg") :]
-        return Markup(re.sub(r'<g id="[^"]*"', "<g", inside).replace("<svg", '<svg role="img"', 1))
+        inside = re.sub(r'<g id="[^"]*"', "<g", plot.svg[plot.svg.index("<svg") :])
+        inside = re.sub(r'( id="| xlink:href="#|url\(#)', rf"\g<1>{plot.name}-", inside)
+        return Markup(inside.replace("<svg", '<svg role="img"', 1))
 
     def address_of(shot: Shot) -> str:
         return "data:image/png;base64," + base64.b64encode(shot.png).decode("ascii")

@@ -9,35 +9,41 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from packenv.types import FloatArray
+
 from ..experiment import Row
+from ..planning_tables import PAPER_FALLBACK, search_named
 from ..results import Line, Result
 from .document import Plot
 from .drawing import (
     COLOURS,
     DASHES,
     MARKERS,
-    PAPER,
     STYLE,
     Panel,
     colours_of,
     empty_plot,
     label_of,
     legend,
+    mark_paper,
     panels_of,
     svg_of,
 )
-from .tables import circumstances
-from .words import constraints_name, count, number, plain
+from .tables import PAPER, circumstances
+from .words import count, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    Drawn: TypeAlias = tuple[str, str, Figure]
+    _Drawn: TypeAlias = tuple[str, str, Figure]
     """Name, caption and picture."""
 
+_Behind: TypeAlias = tuple[Line, Sequence[Row]]
+"""A line, and the rows of its method and circumstances."""
 
-_LINE = ("method", "constraints", "setting", "items")
-"""What rows and their line have in common."""
+
+_STEPS = 400
+"""Steps of a curve at most: more are not seen, and make a page of 10,000 orders slow."""
 
 
 def plots_of(result: Result, rows: Sequence[Row]) -> tuple[Plot, ...]:
@@ -54,20 +60,34 @@ def plots_of(result: Result, rows: Sequence[Row]) -> tuple[Plot, ...]:
     return tuple(plots)
 
 
-def _drawn(result: Result, rows: Sequence[Row]) -> Iterator[Drawn]:
+def _drawn(result: Result, rows: Sequence[Row]) -> Iterator[_Drawn]:
+    behind = _rows_by_line(result, rows)
+    if result.experiment == "fallback":  # its success and times are those of the heuristics
+        yield from _routes(behind)
+        return
     for panel in panels_of(result.lines):
         yield _success(panel)
     if any(line.world for line in result.lines):
-        for name, word in (("drop_m", "drop"), ("shift_m", "horizontal shift")):
+        for name in ("drop", "shift"):
             for panel in panels_of(result.lines):
-                yield from _moves(panel, rows, name, word)
+                yield from _moves(panel, behind, name)
     else:
-        yield from _times(result, rows)
-    if result.experiment == "fallback":
-        yield from _routes(rows)
+        yield from _times(behind)
 
 
-def _success(panel: Panel) -> Drawn:
+def _rows_by_line(result: Result, rows: Sequence[Row]) -> list[_Behind]:
+    found: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if "error" not in row:
+            method, setting = row["method"], row["setting"]
+            if result.experiment == "search5d":
+                method, setting = search_named(setting)
+            found.setdefault((method, row["constraints"], setting, row["items"]), []).append(row)
+    keys = [(line.method, line.constraints, line.setting, line.items) for line in result.lines]
+    return [(line, found.get(key, [])) for line, key in zip(result.lines, keys, strict=True)]
+
+
+def _success(panel: Panel) -> _Drawn:
     """Success by method with intervals, and what the paper reports."""
     lines = panel.lines
     figure, axes = empty_plot(panel.height, xlabel="success, %")
@@ -92,17 +112,10 @@ def _success(panel: Panel) -> Drawn:
         if line.paper_success is not None:
             told.setdefault((line.method, line.paper_success), []).append(panel.place(line))
     if told:
-        axes.plot(
-            [100.0 * share for _, share in told],
-            [float(np.mean(heights)) for heights in told.values()],
-            "D",
-            color=PAPER,
-            markerfacecolor="none",
-            markersize=8,
-            markeredgewidth=1.2,
-            label="paper",
-        )
-    least = min(100.0 * min(line.ci95[0], *(share for _, share in told), line.success) for line in lines)
+        shares = [100.0 * share for _, share in told]
+        mark_paper(axes, shares, [float(np.mean(heights)) for heights in told.values()])
+    least = 100.0 * min(line.ci95[0] for line in lines)
+    least = min([least, *(100.0 * share for _, share in told)])
     axes.set_xlim(max(-2.0, least - 0.06 * (100.0 - least) - 0.3), 100.0 + 0.04 * (100.0 - least) + 0.2)
     legend(figure, axes)
     orders = {line.n for line in lines}
@@ -111,17 +124,23 @@ def _success(panel: Panel) -> Drawn:
     return "success", f"{what}; {each}.{' Diamonds: what the paper reports.' if told else ''}", figure
 
 
-def _times(result: Result, rows: Sequence[Row]) -> Iterator[Drawn]:
+def _times(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
     """How CPU time is distributed, a plot for each group of the table, and the paper's means."""
-    for title, shown in _seconds(result, rows).items():
+    groups: dict[str, list[tuple[Line, FloatArray]]] = {}
+    for line, rows in behind:
+        told = [row["cpu_s"] for row in rows if isinstance(row.get("cpu_s"), int | float)]
+        if told:
+            seconds = np.sort(np.maximum(told, 1e-6))
+            groups.setdefault(circumstances(line), []).append((line, seconds))
+    for title, shown in groups.items():
         figure, axes = empty_plot(2.9, xlabel="CPU-seconds a plan", ylabel="share of plans, %", xscale="log")
         colours = colours_of([line.method for line, _ in shown])
-        for k, (line, found) in enumerate(shown):
-            seconds = np.sort(np.maximum(found, 1e-6))
-            share = 100.0 * np.arange(len(seconds) + 1) / len(seconds)
+        for k, (line, seconds) in enumerate(shown):
+            share = np.linspace(0.0, 1.0, min(len(seconds), _STEPS) + 1)
+            steps = np.quantile(seconds, share[1:], method="inverted_cdf")
             look: Any = {"color": colours[line.method], "ls": DASHES[k % len(DASHES)]}
             axes.step(
-                [seconds[0], *seconds], share, where="post", lw=1.6, label=label_of(line.method), **look
+                [seconds[0], *steps], 100.0 * share, where="post", lw=1.6, label=label_of(line.method), **look
             )
             if line.paper_s is not None:
                 axes.axvline(line.paper_s, lw=1.2, **look)
@@ -130,80 +149,58 @@ def _times(result: Result, rows: Sequence[Row]) -> Iterator[Drawn]:
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         told = [(line.paper_s, label_of(line.method)) for line, _ in shown if line.paper_s is not None]
         if told:
-            axes.annotate(
-                "paper's means",
-                (min(told)[0], 50.0),
-                (-4, 0),
-                textcoords="offset points",
-                ha="right",
-                va="center",
-                rotation=90,
-                fontsize=8.5,
-            )
+            place: Any = {"xytext": (-4, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
+            axes.annotate("paper's means", (min(told)[0], 50.0), rotation=90, fontsize=8.5, **place)
         legend(figure, axes)
-        plans = sorted({len(found) for _, found in shown})
+        plans = sorted({len(seconds) for _, seconds in shown})
         each = " to ".join(f"{n:,}" for n in dict.fromkeys((plans[0], plans[-1])))
         paper = ", ".join(f"{name} {number(s)} s" for s, name in told)
-        caption = f"Share of plans that took no longer, {title}; {each} plans a method."
+        caption = f"Share of plans that took no longer, {title}; {each} of each method."
         yield "time", caption + (f" Upright lines: the paper's means ({paper})." if told else ""), figure
 
 
-def _seconds(result: Result, rows: Sequence[Row]) -> dict[str, list[tuple[Line, list[float]]]]:
-    """CPU-seconds of each plan behind each line, by the title of the line's group."""
-    by_line: dict[tuple[str, ...], list[float]] = {}
-    for row in rows:
-        if isinstance(row.get("cpu_s"), int | float):
-            by_line.setdefault(tuple(row[name] for name in _LINE), []).append(float(row["cpu_s"]))
-    found: dict[str, list[tuple[Line, list[float]]]] = {}
-    for line in result.lines:
-        if seconds := by_line.get(tuple(getattr(line, name) for name in _LINE)):
-            found.setdefault(circumstances(line), []).append((line, seconds))
-    return found
-
-
-def _routes(rows: Sequence[Row]) -> Iterator[Drawn]:
-    """Which way items found their places, of orders that were packed whole."""
-    counts: dict[str, Counter[str]] = {}
-    for row in rows:
-        if row.get("complete"):
-            name = (
-                f"{label_of(row['method'])}, {constraints_name(row['constraints'])}, {plain(row['setting'])}"
-            )
-            counts.setdefault(name, Counter()).update(row["routes"])
-    if not counts:
+def _routes(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
+    """Which way items found their places that found none in the first pass."""
+    shares: dict[str, tuple[float, float]] = {}
+    totals: set[int] = set()
+    for line, rows in behind:
+        found: Counter[str] = Counter()
+        for row in rows:
+            if row["complete"]:
+                found.update(row["routes"])
+        if found:
+            name = f"{label_of(line.method)}, {circumstances(line, ('setting', 'items'))}"
+            shares[name] = 100.0 * found["later"] / found.total(), 100.0 * found["5d"] / found.total()
+            totals.add(found.total())
+    if not shares:
         return
-    figure, axes = empty_plot(
-        1.2 + 0.42 * len(counts), xlabel="items that the fallback placed, % of all items"
-    )
-    axes.set_yticks([-k for k in range(len(counts))], list(counts))
+    late, later, tilted = PAPER_FALLBACK.values()
+    shares["paper"] = late * later / 100.0, late * tilted / 100.0
+    figure, axes = empty_plot(1.2 + 0.42 * len(shares), xlabel="items placed by the fallback, % of all items")
+    heights = [-k for k in range(len(shares))]
+    axes.set_yticks(heights, list(shares))
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x")
-    for k, found in enumerate(counts.values()):
-        left = 0.0
-        for route, label, colour in (
-            ("later", "later in the sequence", "#56B4E9"),
-            ("5d", "5D search", "#0b3d66"),
-        ):
-            share = 100.0 * found[route] / found.total()
-            axes.barh(-k, share, 0.55, left, color=colour, label=label if k == 0 else None)
-            left += share
+    lefts, rights = np.array(list(shares.values())).T
+    axes.barh(heights, lefts, 0.55, color="#56B4E9", label="later in the sequence")
+    axes.barh(heights, rights, 0.55, lefts, color="#0b3d66", label="5D search")
     legend(figure, axes)
-    of_all = " and ".join(sorted({f"{found.total():,}" for found in counts.values()}))
+    of_all = " and ".join(f"{total:,}" for total in sorted(totals))
     caption = f"Items that found no place in the first pass, by the way they found one; of {of_all} items."
     yield "routes", caption, figure
 
 
-def _moves(panel: Panel, rows: Sequence[Row], name: str, word: str) -> Iterator[Drawn]:
+def _moves(panel: Panel, behind: Sequence[_Behind], name: str) -> Iterator[_Drawn]:
     """How far items fall or slide, by method and world."""
-    lengths = [(line, 100.0 * np.array(_released(rows, line, name))) for line in panel.lines]
-    if not any(len(some) for _, some in lengths):
+    lengths = [(line, _released(line, rows, f"{name}_m")) for line, rows in behind if line in panel.lines]
+    lengths = [(line, some) for line, some in lengths if len(some)]
+    if not lengths:
         return
+    word = {"drop": "drop", "shift": "horizontal shift"}[name]
     figure, axes = empty_plot(panel.height, xlabel=f"{word}, cm")
     panel.name_rows(axes)
     labelled: set[str] = set()
     for line, some in lengths:
-        if not len(some):
-            continue
         value, at = panel.value(line), panel.place(line)
         v = panel.values.index(value)
         colour = COLOURS[v % len(COLOURS)]
@@ -215,20 +212,20 @@ def _moves(panel: Panel, rows: Sequence[Row], name: str, word: str) -> Iterator[
         mark = MARKERS[v % len(MARKERS)]
         axes.plot(some.mean(), at, mark, color=colour, markersize=5.5, markeredgecolor="white", label=label)
         labelled.add(value)
+    told = [
+        (paper, panel.place(line))
+        for line, _ in lengths
+        if isinstance(paper := line.figures.get(f"{PAPER}{name}, cm"), int | float)
+    ]
+    if told:
+        mark_paper(axes, [paper for paper, _ in told], [at for _, at in told])
     legend(figure, axes)
     what = ", ".join(filter(None, (f"{word.capitalize()} of all released items", panel.title)))
-    caption = f"{what}: mean (marker), median, middle half (bar), 5 to 95 % (line)."
-    yield name.removesuffix("_m"), caption, figure
+    means = " Diamonds: the paper's means." if told else ""
+    yield name, f"{what}: mean (marker), median, middle half (bar), 5 to 95 % (line).{means}", figure
 
 
-def _released(rows: Sequence[Row], line: Line, name: str) -> list[float]:
-    """Of all items released in the executions behind a line, m."""
-    found: list[float] = []
-    for row in rows:
-        same = all(
-            row[field] == getattr(line, field) for field in ("method", "constraints", "setting", "items")
-        )
-        world: Mapping[str, Any] | None = row.get(line.world) if same else None
-        if isinstance(world, Mapping):
-            found += world.get(name) or []
-    return found
+def _released(line: Line, rows: Sequence[Row], name: str) -> FloatArray:
+    """Of all items released in the executions behind a line, cm."""
+    worlds = [row[line.world] for row in rows if isinstance(row.get(line.world), Mapping)]
+    return 100.0 * np.array([length for world in worlds for length in world.get(name, ())])

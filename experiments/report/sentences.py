@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..results import Comparison, Line, Result
-from .tables import SIGNIFICANT, Sorting, adjusted, circumstances, times_faster
-from .words import count, interval, method_name, number, percent
+from .tables import PAPER, SIGNIFICANT, Sorting, adjusted, circumstances, times_faster
+from .words import count, interval, method_name, number, percent, plain
 
 _LEAD = "hm"
 """The paper's own method, of which the summary speaks where it was run."""
@@ -35,10 +35,10 @@ def _told_of(lines: list[Line]) -> list[Line]:
 
 
 def _line_words(line: Line) -> str:
-    done = "is carried out in" if line.world else "packs"
-    orders = count(line.n, "order")
+    name = method_name(line.method)
+    done = f"plans of “{name}” are carried out in" if line.world else f"{name} packs"
     words = (
-        f"{method_name(line.method)} {done} {percent(line.success, line.n)} % of {orders} "
+        f"{done} {percent(line.success, line.n)} % of {count(line.n, 'order')} "
         f"(95 % interval {interval(line.ci95, line.n)} %)"
     )
     if line.paper_success is not None:
@@ -46,6 +46,11 @@ def _line_words(line: Line) -> str:
         paper = line.paper_success
         place = "inside" if low <= paper <= high else "below" if paper < low else "above"
         words += f"; the paper reports {percent(paper)} %, {place} the interval"
+    for name, value in line.figures.items():
+        paper_figure = line.figures.get(PAPER + name)
+        if value is not None and paper_figure is not None:
+            what, _, unit = plain(name).partition(", ")
+            words += f"; {what} {number(value)} {unit} (paper {number(paper_figure)})"
     return words
 
 
@@ -57,7 +62,7 @@ def _time_words(result: Result) -> list[str]:
         return []
     ratio, name, line = ratios[0]
     return [
-        f"The paper's mean time by ours is at least {number(ratio)}: {number(line.paper_s)} s against "
+        f"The paper's mean times are at least {number(ratio)} times ours: {number(line.paper_s)} s against "
         f"{number(float(line.cpu_s_mean))} CPU-seconds by {name} ({circumstances(line)}), on another machine."
     ]
 

@@ -129,7 +129,7 @@ def results_table(result: Result) -> Table:
     columns += [Column("paper, %", "paper")] * paper
     columns += [Column("CPU-s, median"), Column("CPU-s, mean"), Column("CPU-s, most")]
     columns += [Column("paper, s", "paper"), Column("ratio, paper / ours", "paper")] * paper_s
-    columns += [Column(plain(name)) for name in names]
+    columns += [_figure_column(name, lines) for name in names]
 
     def cells(line: Line) -> tuple[Cell, ...]:
         texts = [method_name(line.method)]
@@ -145,6 +145,15 @@ def results_table(result: Result) -> Table:
 
     groups = (Group(title, tuple(map(cells, some))) for title, some in sorting.groups(lines).items())
     return Table("", tuple(columns), tuple(groups))
+
+
+def _figure_column(name: str, lines: Sequence[Line]) -> Column:
+    words = any(isinstance(line.figures.get(name), str) for line in lines)
+    return Column(plain(name), "paper" if name.startswith(PAPER) else "name" if words else "")
+
+
+PAPER = "paper: "
+"""Before the name of a figure that is the paper's."""
 
 
 def times_faster(line: Line) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 import unicodedata
+from collections.abc import Iterable, Sequence
 
 from ..results import Result
 from .sentences import broken_words, verdict
@@ -24,18 +25,32 @@ def text_table(result: Result) -> str:
 def _table_lines(table: Table) -> list[str]:
     if not any(group.rows for group in table.groups):
         return ["  no orders yet"]
-    # A heading has two lines, the second for the unit, so that a column is no wider than its figures ask for.
-    above, _, below = zip(*(column.title.partition(", ") for column in table.columns), strict=True)
     rows = [tuple(cell.text for cell in row) for group in table.groups for row in group.rows]
-    widths = [max(map(_cells, column)) for column in zip(above, below, *rows, strict=True)]
-    lines = [_line(above, widths, table.columns), _line(below, widths, table.columns)]
+    heads = [
+        _heading(column.title, texts)
+        for column, texts in zip(table.columns, zip(*rows, strict=True), strict=True)
+    ]
+    height = max(map(len, heads))
+    above = list(zip(*([""] * (height - len(head)) + head for head in heads), strict=True))
+    widths = [max(map(_cells, column)) for column in zip(*above, *rows, strict=True)]
+    lines = [_line(texts, widths, table.columns) for texts in above]
     for group in table.groups:
         lines += [f"[{group.title}]"] * bool(group.title)
         lines += [_line([cell.text for cell in row], widths, table.columns) for row in group.rows]
     return lines
 
 
-def _line(texts: tuple[str, ...] | list[str], widths: list[int], columns: tuple[Column, ...]) -> str:
+def _heading(title: str, texts: Iterable[str]) -> list[str]:
+    """A column's heading in lines no longer than its figures or its longest word, the unit in a line of its own."""
+    name, _, unit = title.partition(", ")
+    width = max(map(_cells, [*texts, *title.split()]))
+    return [
+        *textwrap.wrap(name, width, break_long_words=False),
+        *textwrap.wrap(unit, width, break_long_words=False),
+    ]
+
+
+def _line(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
     """Names to the left, figures to the right."""
     padded = []
     for text, width, column in zip(texts, widths, columns, strict=True):

@@ -19,9 +19,14 @@ _CONSTRAINTS = {
 }
 
 
+def printable(text: str) -> str:
+    """Some text without what a terminal or a browser would obey."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 def plain(text: object) -> str:
-    """Some text in one line, without what a terminal or a browser would obey."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(str(text).split()))
+    """The same in one line, with single spaces."""
+    return printable(" ".join(str(text).split()))
 
 
 def method_name(method: str) -> str:
@@ -52,17 +57,18 @@ def interval(ends: Interval, n: int = 1, *, sign: bool = False) -> str:
 
 
 def number(value: float | int | str | None) -> str:
-    """A figure with three digits, or all before the point; a whole number or a text as it is."""
+    """A figure with three digits, to a ten-thousandth, or all before the point; a whole number or a text as it is."""
     if value is None:
         return DASH
     if isinstance(value, bool) or not isinstance(value, float | int):
-        return plain(value)
+        return plain(value) or DASH
     if isinstance(value, int):
         return f"{value:,}".replace("-", MINUS)
     if not math.isfinite(value):
         return DASH
     before = math.floor(math.log10(abs(value))) if value else 0
-    return f"{value:,.{min(max(0, 2 - before), 6)}f}".replace("-", MINUS)
+    text = f"{value:,.{min(max(0, 2 - before), 4)}f}"
+    return "0" if not text.strip("-0.") else text.replace("-", MINUS)
 
 
 def chance(p: float) -> str:

@@ -28,13 +28,14 @@ from .document import (
     Text,
 )
 from .extras import require_extras
-from .gallery import Pictures, Shown, shown
+from .gallery import Pictures, Showcase, Shown
 from .markdown import markdown_text
 from .page import page_text
+from .paper_figures import figures_section
 from .plots import plots_of
 from .sentences import summary
 from .tables import Cell, Column, Group, Table, comparisons_table, failures_table, results_table
-from .words import count, plain
+from .words import count, plain, printable
 
 _FAILURES = 20
 _READING = (
@@ -58,6 +59,8 @@ def write_report(
 ) -> tuple[Path, ...]:
     """Write ``report.html``, a page by itself, and ``report.md``, whose plots and pictures are beside it.
 
+    Where ``robotpack bench figures`` wrote into ``folder/figures``, the paper's figures are in them, too.
+
     Args:
         folder: where they go.
         results: of each experiment.
@@ -73,17 +76,17 @@ def write_report(
         InputError: a package is missing, or a file cannot be written.
     """
     require_extras()
+    commands = tuple(map(printable, command.splitlines()))
     for name in (PLOTS, PICTURES, PAGES):
         try:
             (folder / name).mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise InputError(f"{folder / name}: cannot be made ({problem.strerror})") from None
-    sections, files = [_head(results, command)], list[Path]()
+    showcase = Showcase(pictures, folder, watcher)
+    sections, files = [_head(results, commands)], list[Path]()
     for result in results:
         own = rows.get(result.experiment, ())
-        seen = shown(result, own, pictures, folder, watcher)
-        for sentence in seen.left_out:
-            watcher.remark(sentence)
+        seen = showcase.of(result, own)
         plots = plots_of(result, own)
         sections.append(_experiment(result, plots, seen))
         content = {folder / PLOTS / f"{plot.name}.svg": plot.svg.encode() for plot in plots}
@@ -91,17 +94,24 @@ def write_report(
         for path, some in content.items():
             write_whole(path, some)
         files += [*content, *(folder / address for address in seen.pages.values())]
-    sections.append(_foot(command))
+    if (figures := figures_section(folder)) is not None:
+        sections.append(figures)
+        for block in figures.blocks:
+            if isinstance(block, Gallery):
+                files += [folder / PICTURES / f"{shot.name}.png" for shot in block.shots]
+                for shot in block.shots:
+                    write_whole(folder / PICTURES / f"{shot.name}.png", shot.png)
+    sections.append(_foot(commands))
     document = Document("RobotPack: the paper's experiments, and ours", tuple(sections))
     texts = {"report.html": page_text(document), "report.md": markdown_text(document)}
     for name, text in texts.items():
         write_whole(folder / name, text.encode())
-    return (*(folder / name for name in texts), *files)
+    return (*(folder / name for name in texts), *dict.fromkeys(files))
 
 
-def _head(results: Sequence[Result], command: str) -> Section:
+def _head(results: Sequence[Result], commands: Sequence[str]) -> Section:
     """What was run, and what it says."""
-    blocks: list[Block] = [Command(tuple(command.splitlines())), _run_table(results)]
+    blocks: list[Block] = [Command(tuple(commands)), _run_table(results)]
     for result in results:
         said = summary(result)
         blocks += [Heading(plain(result.title)), Points(tuple(said) or ("No order yet.",))]
@@ -158,14 +168,14 @@ def _anchor(name: str) -> str:
     return "".join(c if c.isalnum() and c.isascii() else "-" for c in name)
 
 
-def _foot(command: str) -> Section:
+def _foot(commands: Sequence[str]) -> Section:
     """How to read it, and how to run it again."""
     return Section(
         "reading",
         "How to read this, and how to run it again",
         (
             Text(_READING),
-            Command(("pip install 'robotpack[bench]'", *command.splitlines())),
+            Command(("pip install 'robotpack[bench]'", *commands)),
             Text(
                 "The same command with the same folder does only what has no row yet, and makes this report again. "
                 f"It was made by RobotPack {__version__}."

@@ -24,7 +24,7 @@ class Outcome(Generic[J]):
         row: what its work returned; None where it is not ok.
         status: ``failed``: it raised; ``timeout``: it took too long; ``died``: its process did.
         error: what happened, one line; empty where it is ok.
-        seconds: wall time of the work alone; where the process is gone, from its start to when that was seen.
+        seconds: wall time of the work alone; where the process is gone, since the job was handed over, at most.
     """
 
     job: J

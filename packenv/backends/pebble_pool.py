@@ -6,7 +6,7 @@ import multiprocessing
 import signal
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, TimeoutError as TooLateError  # on Python 3.10 not the built-in one
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import chain, islice
@@ -109,7 +109,7 @@ def _outcome(future: _Answer, job: J, seconds: float, timeout: float) -> Outcome
 
     try:
         answer = future.result()
-    except TimeoutError:  # pebble's own: the work's is in its attempt
+    except TooLateError:  # pebble's own: the work's is in its attempt
         return Outcome(job, None, "timeout", f"it took longer than {timeout:g} s", min(seconds, timeout))
     except ProcessExpired as problem:
         return Outcome(job, None, "died", f"its process died ({_ending(problem.exitcode)})", seconds)

@@ -27,7 +27,7 @@ STORE = 100 * 2**20
 CONNECT = 10.0
 """Seconds in which a cluster's head has to answer."""
 DEATHS = 3
-"""Workers that may die one after another before they are prepared."""
+"""Workers that may die one after another before they are prepared; at least as many as there are, of a node lost."""
 
 
 def load() -> None:
@@ -112,7 +112,7 @@ def _silent() -> Iterator[None]:
     """Keep off standard output what Ray prints of each worker that dies: the job's outcome tells of it."""
     from ray._private import worker
 
-    before = worker.print_to_stdstream
+    before = getattr(worker, "print_to_stdstream", None)  # not public: a later Ray may have none
     worker.print_to_stdstream = lambda *_, **__: None
     try:
         yield
@@ -214,7 +214,9 @@ class _Crew(Generic[J]):
         except ray.exceptions.RayError as problem:
             _kill(actor)
             self.deaths += 1
-            if self.deaths < DEATHS and not isinstance(problem, ray.exceptions.RayTaskError):
+            if self.deaths < max(DEATHS, self.wanted) and not isinstance(
+                problem, ray.exceptions.RayTaskError
+            ):
                 return
             raise RobotPackError(f"Ray's workers die before their first job: {one_line(problem)}") from None
         if unprepared is not None:

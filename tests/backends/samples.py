@@ -70,6 +70,11 @@ def work(job: Job) -> dict[str, Any]:
             time.sleep(60)
         case "who":
             return {"pid": os.getpid(), "prepared": Worker.prepared}
+        case "node":
+            import ray
+
+            time.sleep(0.2)
+            return {"node": ray.get_runtime_context().get_node_id()}
         case "threads":
             return {"threads": os.environ.get("OMP_NUM_THREADS")}
     return {"square": job.number**2}
