@@ -243,7 +243,7 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
 
 
 def _figures(arguments: argparse.Namespace) -> int:
-    """The paper's figures, and a page of them."""
+    """The paper's figures."""
     from .figures import write_figures
 
     made = write_figures(

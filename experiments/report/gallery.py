@@ -117,7 +117,7 @@ class Showcase:
 
         image = Image.fromarray(render_image(scene_of(plan, self._pictures.catalogue), size=_SIZE))
         buffer = io.BytesIO()
-        image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, format="PNG", optimize=True)
+        image.quantize(256, kmeans=1).save(buffer, format="PNG", optimize=True)
         return buffer.getvalue()
 
 
