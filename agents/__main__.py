@@ -15,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from packenv.cli import numbers
 from packenv.cli.exit_codes import reported
 from packenv.errors import InputError
 from packenv.extensions import is_extension
@@ -77,10 +78,14 @@ def _parser() -> argparse.ArgumentParser:
         help=f"one or several of {', '.join(NAMES)}; your own as my_module:MyAgent",
     )
     parser.add_argument(
-        "--episodes", type=_at_least_one, default=20, metavar="N", help="of each agent (default: %(default)s)"
+        "--episodes",
+        type=numbers.at_least_one,
+        default=20,
+        metavar="N",
+        help="of each agent (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=_seed, default=0, metavar="N", help="of the run (default: %(default)s)"
+        "--seed", type=numbers.seed, default=0, metavar="N", help="of the run (default: %(default)s)"
     )
     parser.add_argument(
         "--env-config", metavar="FILE|JSON", help='the environment\'s settings, such as {"mask": "legal"}'
@@ -96,7 +101,11 @@ def _parser() -> argparse.ArgumentParser:
         "--trust", action="store_true", help="let --weights be a zip, which can run any code while it is read"
     )
     parser.add_argument(
-        "--workers", type=_at_least_one, default=1, metavar="N", help="processes (default: %(default)s)"
+        "--workers",
+        type=numbers.at_least_one,
+        default=1,
+        metavar="N",
+        help="processes (default: %(default)s)",
     )
     parser.add_argument(
         "--out", type=Path, metavar="ROWS", help="keep every episode here (JSON lines), and go on from it"
@@ -191,20 +200,6 @@ def _agent_options(
 
 def _document(text: str | None, option: str) -> dict[str, object] | None:
     return None if text is None else read_document(text, option)
-
-
-def _at_least_one(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is not at least 1")
-    return value
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{value} is not at least 0")
-    return value
 
 
 if __name__ == "__main__":

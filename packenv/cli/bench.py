@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any, get_args
 
+from packenv.cli import numbers
 from packenv.config import EngineName
 from packenv.planning.options import Constraints
 
@@ -38,7 +39,7 @@ def add_bench(commands: argparse._SubParsersAction[Any]) -> None:
     )
     actions = bench.add_subparsers(metavar="EXPERIMENT", dest="action", required=True)
     for name, text in {**EXPERIMENTS, "all": "all of these", **FURTHER}.items():
-        _add_experiment(actions.add_parser(name, help=text, description=text.capitalize() + "."))
+        _add_experiment(actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}."))
     merge = actions.add_parser("merge", help="put the rows of several shards or runs together, and report")
     merge.add_argument("folders", metavar="DIR", nargs="+", type=Path, help="folders that bench wrote")
     merge.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the whole")
@@ -51,7 +52,7 @@ def add_bench(commands: argparse._SubParsersAction[Any]) -> None:
         "--out", metavar="DIR", type=Path, default=Path("runs/figures"), help="default: %(default)s"
     )
     figures.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the orders (default: %(default)s)"
+        "--seed", type=numbers.seed, default=0, metavar="N", help="of the orders (default: %(default)s)"
     )
     figures.add_argument("--engine", choices=get_args(EngineName), default="auto", help="of executions")
     _add_catalogue(figures)
@@ -71,10 +72,14 @@ def _add_catalogue(parser: argparse.ArgumentParser) -> None:
 def _add_experiment(parser: argparse.ArgumentParser) -> None:
     _add_catalogue(parser)
     parser.add_argument(
-        "--orders", type=_whole, default=20, metavar="N", help="orders (default: %(default)s)"
+        "--orders", type=numbers.at_least_one, default=20, metavar="N", help="orders (default: %(default)s)"
     )
     parser.add_argument(
-        "--items", type=_whole, default=10, metavar="N", help="of a large order (default: %(default)s)"
+        "--items",
+        type=numbers.at_least_one,
+        default=10,
+        metavar="N",
+        help="of a large order (default: %(default)s)",
     )
     parser.add_argument(
         "--container",
@@ -83,7 +88,7 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
         help="of large orders (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the orders (default: %(default)s)"
+        "--seed", type=numbers.seed, default=0, metavar="N", help="of the orders (default: %(default)s)"
     )
     parser.add_argument(
         "--methods",
@@ -108,7 +113,7 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--gls-plans",
-        type=_whole,
+        type=numbers.at_least_one,
         default=100,
         metavar="N",
         help="rounds of guided local search (default: %(default)s)",
@@ -138,14 +143,18 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
         help="serial: in this process; pebble: worker processes; ray: a cluster, or Ray here; auto: pebble where it is "
         "installed (default: %(default)s)",
     )
-    parser.add_argument("--workers", type=_whole, default=1, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--workers", type=numbers.at_least_one, default=1, metavar="N", help="default: %(default)s"
+    )
     parser.add_argument(
         "--ray-address", metavar="ADDRESS", help="cluster to join, with --backend ray; auto: this one"
     )
     parser.add_argument(
         "--shard", metavar="I/N", help="do part I of N, for job arrays; then robotpack bench merge"
     )
-    parser.add_argument("--timeout", type=float, metavar="S", help="give a job up after so many seconds")
+    parser.add_argument(
+        "--timeout", type=numbers.seconds, metavar="S", help="give a job up after so many seconds"
+    )
     _add_output(parser)
 
 
@@ -157,14 +166,3 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-report", action="store_true", help="print the table, write no report")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-
-
-def _whole(text: str) -> int:
-    """A whole number of at least 1."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
-    return value

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
+from packenv.cli import numbers
 from packenv.cli.bench import add_bench
 from packenv.config import EngineName
 from packenv.errors import closest_match
@@ -61,41 +62,6 @@ def command_line() -> argparse.ArgumentParser:
     return parser
 
 
-def _seed(text: str) -> int:
-    """A seed as NumPy takes it."""
-    value = int(text)
-    if not 0 <= value < 2**64:
-        raise argparse.ArgumentTypeError(f"{value} is not between 0 and 2^64 - 1")
-    return value
-
-
-def _seconds(text: str) -> float:
-    """A time of more than 0 and at most 600 s."""
-    value = float(text)
-    if not 0.0 < value <= 600.0:
-        raise argparse.ArgumentTypeError(f"{text} is not more than 0 and at most 600 seconds")
-    return value
-
-
-def _count(text: str) -> int:
-    """A whole number of at least 0."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 0")
-    return value
-
-
-def _at_least_one(text: str) -> int:
-    """A whole number of at least 1."""
-    value = _count(text)
-    if value == 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
-    return value
-
-
 def number(text: str) -> float | str:
     """A number, or the word ``none``."""
     return "none" if text.lower() == "none" else float(text)
@@ -134,11 +100,11 @@ def planning_options(parser: argparse.ArgumentParser, without: Collection[str] =
             )
             parser.add_argument(flag, metavar=words, help=text)
         elif name == "seed":
-            parser.add_argument(flag, type=_seed, metavar="N", help=text)
+            parser.add_argument(flag, type=numbers.seed, metavar="N", help=text)
         elif rule.words:
             parser.add_argument(flag, choices=rule.words, help=text)
         elif rule.whole:
-            parser.add_argument(flag, type=_count, metavar="N", help=text)
+            parser.add_argument(flag, type=numbers.count, metavar="N", help=text)
         elif rule.optional:
             parser.add_argument(flag, type=number, metavar="X|none", help=text)
         else:
@@ -158,7 +124,7 @@ def grid_options(parser: argparse.ArgumentParser) -> None:
     for name, rule in grid_rules().items():
         flag = f"--{name.removeprefix('n_').replace('_', '-')}"
         text = f"{rule.meaning} (default: {getattr(preset, name)})"
-        kind, metavar = (_count, "N") if rule.whole else (float, "METRES")
+        kind, metavar = (numbers.count, "N") if rule.whole else (float, "METRES")
         parser.add_argument(flag, dest=name, type=kind, metavar=metavar, help=text)
 
 
@@ -228,7 +194,7 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     )
     pack.add_argument(
         "--boxes-max",
-        type=_at_least_one,
+        type=numbers.at_least_one,
         default=1,
         metavar="N",
         help="use up to N boxes of these kinds: fewest boxes, then least volume; files are numbered then, as "
@@ -236,7 +202,7 @@ def _add_pack(commands: argparse._SubParsersAction[Any]) -> None:
     )
     pack.add_argument(
         "--workers",
-        type=_at_least_one,
+        type=numbers.at_least_one,
         default=1,
         metavar="N",
         help="search in N processes where there is a --budget or --plans; the same --plans give the same plan on any "
@@ -304,7 +270,7 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
     )
     execute.add_argument(
         "--settle",
-        type=_seconds,
+        type=numbers.settling,
         default=20.0,
         metavar="S",
         help="longest time for an item to come to rest (default: %(default)g)",
@@ -329,7 +295,7 @@ def _add_execute(commands: argparse._SubParsersAction[Any]) -> None:
         help="in a world that is not quite as planned: other friction, masses, grasps and time step",
     )
     execute.add_argument(
-        "--seed", type=_seed, metavar="N", help="of the disturbances, with --disturb (default: 0)"
+        "--seed", type=numbers.seed, metavar="N", help="of the disturbances, with --disturb (default: 0)"
     )
     execute.add_argument(
         "--heuristic", metavar="NAME|MODULE:NAME", help="plan again, in closed loop, with this rule"
