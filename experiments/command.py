@@ -6,6 +6,7 @@ from . import one_thread  # noqa: F401  isort: skip
 
 import argparse
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from .registry import experiment
 from .report import text_table, write_report
 from .results import Result
 from .revision import revision
-from .runner import Finished, Pool, finish
+from .runner import Finished, Pool, alone, finish
 from .setting import options_of
 from .spec import RunSpec
 from .words import commands_of
@@ -88,8 +89,6 @@ def _finished(
     """Do an experiment, or with a revision only read the rows of that one."""
     each.prepare(spec, str(folder.path))
     jobs = [job for job in each.jobs(spec) if job.index in shard]
-    if only_read is None:
-        folder.keep_spec(each.name, spec)
     found = finish(
         each.work,
         jobs,
@@ -102,6 +101,7 @@ def _finished(
         head=Job.head,
         any_revision=any_revision,
         only_read=only_read is not None,
+        begin=lambda: folder.keep_spec(each.name, spec),
         what=each.name,
     )
     _say_of_others(each.name, found, any_revision=any_revision)
@@ -130,11 +130,14 @@ def _merge(arguments: argparse.Namespace) -> int:
                     "give shards of one run"
                 )
     kinds = {experiment(name).rows for name in specs}
-    for name, spec in specs.items():
-        target.keep_spec(name, spec)
-    for kind in sorted(kinds):
-        files = [path for folder in dict.fromkeys([*sources, target]) for path in folder.row_files(kind)]
-        merge_rows(list(dict.fromkeys(path.resolve() for path in files)), target.rows(kind))
+    with ExitStack() as stack:  # a run that writes there would lose what it writes meanwhile
+        for kind in sorted(kinds):
+            stack.enter_context(alone(target.rows(kind)))
+        for name, spec in specs.items():
+            target.keep_spec(name, spec)
+        for kind in sorted(kinds):
+            files = [path for folder in dict.fromkeys([*sources, target]) for path in folder.row_files(kind)]
+            merge_rows(list(dict.fromkeys(path.resolve() for path in files)), target.rows(kind))
     return _report(arguments, target)
 
 

@@ -82,6 +82,7 @@ def finish(
     head: Callable[[Any], dict[str, Any]] | None = None,
     any_revision: bool = False,
     only_read: bool = False,
+    begin: Callable[[], None] = lambda: None,
     what: str = "jobs",
 ) -> Finished:
     """Do the jobs that have no row of this revision yet, or one that tells of a failure.
@@ -98,13 +99,16 @@ def finish(
         head: what a row tells of its job.
         any_revision: rows of other revisions count, too.
         only_read: do nothing, read the rows that are there.
+        begin: called once no other run can write the file; not where it is only read.
         what: is done, for the bar.
 
     Raises:
         InputError: the file holds something else than rows, or another run writes it.
     """
     wanted = {job.key: job for job in jobs}
-    with nullcontext() if only_read else _alone(out):
+    with nullcontext() if only_read else alone(out):
+        if not only_read:
+            begin()
         found, others = _read(out, wanted, revision, any_revision=any_revision)
         missing = [job for key, job in wanted.items() if key not in found or "error" in found[key]]
         new = 0
@@ -166,10 +170,13 @@ def _told(rows: Iterable[Outcome[Any]], what: str, total: int, before: int) -> I
 
 
 @contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Be the only process that writes a file of rows, where the system knows locks.
+def alone(out: Path) -> Iterator[None]:
+    """Be the only process that writes a file of rows, where system and file system know locks.
 
     A record lock: workers do not inherit it, so those that a killed run leaves behind keep nobody out.
+
+    Raises:
+        InputError: another one writes it.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -180,6 +187,8 @@ def _alone(out: Path) -> Iterator[None]:
     with out.with_suffix(".lock").open("w") as lock:
         try:
             fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except (BlockingIOError, PermissionError):
             raise InputError(f"{out}: another run writes it, wait for it or give another folder") from None
+        except OSError:  # a file system without locks, as some that are shared
+            pass
         yield

@@ -13,6 +13,7 @@ import trimesh
 from packenv.cli import main
 from packenv.io.rows import read_rows
 from tests.cli.refusals import refused
+from tests.experiments.other_run import other_run_at
 from tests.shapes import cup
 
 TIMES = ("cpu_s", "prepare_cpu_s", "seconds")
@@ -209,3 +210,24 @@ def test_shards_of_different_runs_do_not_merge(
     folders = [str(tmp_path / name) for name in "ab"]
     refused(capsys, main(["bench", "merge", *folders, "--out", str(tmp_path / "c")]), str(tmp_path / "b"))
     assert not (tmp_path / "c").exists()
+
+
+def test_a_run_that_is_refused_leaves_what_the_other_one_was_asked_for(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW) == 0
+    spec = (tmp_path / "heuristics.spec.json").read_bytes()
+    capsys.readouterr()
+    with other_run_at(tmp_path / "planning.jsonl"):
+        refused(capsys, _bench("heuristics", catalogue, tmp_path, *FEW, "--seed", "1"), "another run writes it")
+    assert (tmp_path / "heuristics.spec.json").read_bytes() == spec
+
+
+def test_nothing_is_merged_into_rows_that_a_run_writes(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW) == 0
+    capsys.readouterr()
+    with other_run_at(tmp_path / "planning.jsonl"):
+        code = main(["bench", "merge", str(tmp_path), "--out", str(tmp_path), "--no-report"])
+        refused(capsys, code, "another run writes it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -21,6 +22,7 @@ from packenv.experiments.revision import revision
 from packenv.experiments.runner import Finished, Pool, finish
 from packenv.io.rows import read_rows
 from tests.conftest import REPO
+from tests.experiments.other_run import other_run_at
 
 
 @dataclass(frozen=True)
@@ -112,19 +114,21 @@ def test_what_rows_depend_on_is_the_product_but_not_its_reports(
 
 def test_two_runs_at_once_do_not_write_one_file(tmp_path: Path) -> None:
     out = tmp_path / "rows.jsonl"
-    code = (
-        "import time\nfrom pathlib import Path\nfrom packenv.experiments.runner import _alone\n"
-        f"with _alone(Path({str(out)!r})):\n    print('in', flush=True)\n    time.sleep(60)\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=REPO) as other:
-        try:
-            assert other.stdout is not None
-            assert other.stdout.readline() == b"in\n"
-            with pytest.raises(InputError, match="another run writes it"):
-                _run([_Job("a", tmp_path / "log")], out)
-        finally:
-            other.kill()
+    with other_run_at(out), pytest.raises(InputError, match="another run writes it"):
+        _run([_Job("a", tmp_path / "log")], out)
     assert _run([_Job("a", tmp_path / "log")], out).new == 1  # a lock does not outlive its run
+
+
+def test_a_run_goes_on_without_a_lock_where_the_file_system_knows_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "lockf", no_locks)
+    assert _run([_Job("a", tmp_path / "log")], tmp_path / "rows.jsonl").new == 1
 
 
 _KILLED = """
