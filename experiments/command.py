@@ -161,21 +161,21 @@ def _report(arguments: argparse.Namespace, folder: RunFolder) -> int:
 
 
 def _revision_of(folder: RunFolder, each: Experiment, *, any_revision: bool) -> str:
-    """The revision of the rows of a folder.
+    """The revision of the rows of a folder; of several that of the last row.
 
     Raises:
-        InputError: they are of several.
+        InputError: they are of several, and that was not asked for.
     """
     path = folder.rows(each.rows)
     if not path.exists():
         parts = folder.row_files(each.rows)
         hint = f": robotpack bench merge {folder.path} --out {folder.path}" if parts else ""
         raise InputError(f"{path}: does not exist, run the experiment or merge its shards{hint}")
-    found = {str(row.get("revision")) for row in read_rows(path)}
-    if len(found) > 1 and not any_revision:
-        told = ", ".join(sorted(found))
+    found = [str(row.get("revision")) for row in read_rows(path)]
+    if len(set(found)) > 1 and not any_revision:
+        told = ", ".join(sorted(set(found)))
         raise InputError(f"{path}: has rows of several revisions ({told}), give --any-revision to mix them")
-    return max(found, default="")
+    return found[-1] if found else ""
 
 
 def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done]) -> int:

@@ -58,8 +58,8 @@ class Finished:
         broken: those of them that tell of a failure.
         missing: jobs without a row; none unless only rows that are there were asked for.
         new: rows that were made now.
-        others: how many rows of these jobs other revisions left, by revision; they are not among ``rows`` unless
-            they were asked for.
+        others: how many rows of these jobs other revisions left, by revision; where they were asked for, those that
+            count before anything is done.
     """
 
     rows: tuple[Row, ...]
@@ -141,16 +141,28 @@ def finish(
 def _read(
     out: Path, wanted: Collection[str], revision: str, *, any_revision: bool
 ) -> tuple[dict[str, Row], Counter[str]]:
-    """The last row of each job that is wanted, and how many rows there are of other revisions."""
+    """The last row of each job that is wanted, and how many rows there are of other revisions.
+
+    Where these count, a job has its last row of this revision, else its last sound one, else its last one; only those
+    that it has are told of.
+    """
     found: dict[str, Row] = {}
     others: Counter[str] = Counter()
     for row in read_rows(out) if out.exists() else ():
         key, own = row["key"], row.get("revision") == revision
-        if key in wanted:
-            others[str(row.get("revision"))] += not own
-            if own or (any_revision and key not in found):
-                found[key] = row
-    return found, +others
+        if key not in wanted:
+            continue
+        if own:
+            found[key] = row
+        elif not any_revision:
+            others[str(row.get("revision"))] += 1
+        elif key not in found or (
+            found[key].get("revision") != revision and ("error" not in row or "error" in found[key])
+        ):
+            found[key] = row
+    if any_revision:
+        others.update(str(row.get("revision")) for row in found.values() if row.get("revision") != revision)
+    return found, others
 
 
 def _told(rows: Iterable[Outcome[Any]], what: str, total: int, before: int) -> Iterator[Outcome[Any]]:

@@ -231,3 +231,19 @@ def test_nothing_is_merged_into_rows_that_a_run_writes(
     with other_run_at(tmp_path / "planning.jsonl"):
         code = main(["bench", "merge", str(tmp_path), "--out", str(tmp_path), "--no-report"])
         refused(capsys, code, "another run writes it")
+
+
+def test_a_report_of_several_revisions_is_of_the_last_one_where_it_has_rows(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW) == 0
+    path = tmp_path / "planning.jsonl"
+    rows = list(read_rows(path))
+    older = [{**row, "revision": f"{kind}-older"} for kind in ("a", "z") for row in rows]
+    path.write_text("".join(json.dumps(row) + "\n" for row in [*older, *rows]))
+    capsys.readouterr()
+    refused(capsys, main(["bench", "report", str(tmp_path), "--no-report"]), "a-older", "--any-revision")
+    assert main(["bench", "report", str(tmp_path), "--no-report", "--any-revision", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["revisions"] == [rows[0]["revision"]]
+    assert "older" not in printed.err

@@ -89,6 +89,25 @@ def test_rows_of_another_revision_count_only_where_that_is_asked(tmp_path: Path)
     assert (back.new, dict(back.others)) == (0, {"r2": 2})
 
 
+def test_a_job_that_was_done_again_counts_as_done_with_any_revision(tmp_path: Path) -> None:
+    out = tmp_path / "rows.jsonl"
+    rows: list[dict[str, object]] = [
+        {"key": "a", "revision": "r1", "error": "no"},
+        {"key": "a", "revision": "r1", "twice": "aa"},
+        {"key": "b", "revision": "r0", "twice": "old"},
+        {"key": "b", "revision": "r1", "twice": "bb"},
+        {"key": "b", "revision": "r1", "error": "no"},
+        {"key": "d", "revision": "r1", "twice": "old"},
+        {"key": "d", "revision": "r2", "twice": "dd"},
+        {"key": "d", "revision": "r1", "twice": "old"},
+    ]
+    out.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    jobs = [_Job(key, tmp_path / "log") for key in "abd"]
+    found = _run(jobs, out, revision="r2", any_revision=True)
+    assert [row["twice"] for row in found.rows] == ["aa", "bb", "dd"]
+    assert (found.new, found.broken, dict(found.others)) == (0, (), {"r1": 2})
+
+
 def test_reading_does_nothing_and_tells_what_is_missing(tmp_path: Path) -> None:
     out = tmp_path / "rows.jsonl"
     jobs = [_Job(key, tmp_path / "log") for key in "abd"]
