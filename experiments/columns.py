@@ -56,7 +56,7 @@ USUAL = ("overlap", "paper", "cautious", "rehearsed", "guarded", "closed-loop", 
 
 
 def chosen(names: Sequence[str], usual: Sequence[str] = USUAL) -> list[Column]:
-    """The columns of these names; the usual ones where there are none.
+    """The columns of these names, each once; the usual ones where there are none.
 
     Raises:
         InputError: there is no column of a name.
@@ -65,6 +65,6 @@ def chosen(names: Sequence[str], usual: Sequence[str] = USUAL) -> list[Column]:
         if name not in COLUMNS:
             known = ", ".join(COLUMNS)
             raise InputError(
-                f"columns: there is no {name!r:.60}{closest_match(name, COLUMNS, f'; give {known}')}"
+                f"--columns: there is no {name!r:.60}{closest_match(name, COLUMNS, f'; give {known}')}"
             )
-    return [COLUMNS[name] for name in names or usual]
+    return [COLUMNS[name] for name in dict.fromkeys(names or usual)]

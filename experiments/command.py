@@ -21,6 +21,7 @@ from packenv.planning.assembly import heuristic_of
 from packenv.planning.options import PlanOptions
 from packenv.types import Plan
 
+from .columns import chosen
 from .experiment import Experiment, Job, Row
 from .folder import RunFolder, Shard, merge_rows
 from .planning import GLS
@@ -54,10 +55,10 @@ def _run(arguments: argparse.Namespace) -> int:
     shard = _shard(arguments.shard)
     folder = RunFolder(arguments.out)
     names = list(EXPERIMENTS) if arguments.action == "all" else [arguments.action]
-    chosen = [experiment(name) for name in names]
+    wanted = [experiment(name) for name in names]
     any_revision = arguments.any_revision
     try:
-        done = [_finished(e, spec, folder, pool, shard, any_revision=any_revision) for e in chosen]
+        done = [_finished(e, spec, folder, pool, shard, any_revision=any_revision) for e in wanted]
     except KeyboardInterrupt:
         remark(f"stopped; the rows are in {folder.path}, and the same command goes on from there")
         raise
@@ -268,13 +269,14 @@ def spec_of(arguments: argparse.Namespace) -> RunSpec:
     """What the user asks for.
 
     Raises:
-        InputError: a method, a setting or the container is wrong.
+        InputError: a method, a setting, a column or the container is wrong.
     """
     for method in arguments.methods:
         if method != GLS:
             heuristic_of(PlanOptions(heuristic=method))
     for setting in arguments.settings:
         options_of(setting)
+    chosen(arguments.columns)
     return RunSpec(
         catalogue=arguments.catalogue,
         unit=arguments.unit,

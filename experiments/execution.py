@@ -44,7 +44,8 @@ def ways(columns: Sequence[Column], rows: Sequence[Row], paper: dict[str, Paper]
 
 def summarize(spec: RunSpec, rows: Sequence[Row]) -> Result:
     """The paper's second table."""
-    return table(EXECUTION.name, EXECUTION.title, spec, ways(chosen(spec.columns), rows, PAPER))
+    columns = ways(chosen(spec.columns), rows, PAPER if spec.as_paper else {})
+    return table(EXECUTION.name, EXECUTION.title, spec, columns)
 
 
 def summarize_small(spec: RunSpec, rows: Sequence[Row]) -> Result:

@@ -141,13 +141,14 @@ def heuristics_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
         and (not spec.settings or g.group.setting in spec.settings)
     ]
     groups = _without(asked, feasible)
+    paper = PAPER if spec.as_paper else {}
     lines = [
         line(
             g.method,
             g.group,
             list(g.trials.values()),
-            paper_success=PAPER.get((g.group.constraints, g.method), (None, None))[0],
-            paper_s=PAPER.get((g.group.constraints, g.method), (None, None))[1],
+            paper_success=paper.get((g.group.constraints, g.method), (None, None))[0],
+            paper_s=paper.get((g.group.constraints, g.method), (None, None))[1],
             figures=_figures(list(g.rows.values())),
         )
         for g in groups
@@ -206,6 +207,7 @@ def search5d_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     for g in named:
         own = list(g.rows.values())
         paper_s = PAPER_5D_S if g.method == "5d alone" else PAPER["robot", "hm"][1]
+        paper_s = paper_s if spec.as_paper else None
         first = {"maps of the items, CPU-s": statistics.median(row["prepare_cpu_s"] for row in own)}
         figures = {**_figures(own), **first}
         lines.append(line(g.method, g.group, list(g.trials.values()), paper_s=paper_s, figures=figures))
@@ -224,6 +226,8 @@ def fallback_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
         figures: dict[str, float | int | str | None] = {"items": routes.total()}
         shares = ((late, routes.total()), (routes["later"], late), (routes["5d"], late))
         for (name, paper), (part, whole) in zip(PAPER_FALLBACK.items(), shares, strict=True):
-            figures |= {name: 100.0 * part / whole if whole else None, f"paper: {name}": paper}
+            figures[name] = 100.0 * part / whole if whole else None
+            if spec.as_paper:
+                figures[f"paper: {name}"] = paper
         lines.append(line(g.method, g.group, list(g.trials.values()), figures=figures))
     return _result("fallback", "Fallback", spec, rows, lines)

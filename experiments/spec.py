@@ -51,6 +51,11 @@ class RunSpec:
         """The container of large orders."""
         return Container(*self.container)
 
+    @property
+    def as_paper(self) -> bool:
+        """Whether large orders are of the paper's size, ten items in its container: only then its figures compare."""
+        return (self.items, self.container) == (RunSpec.items, RunSpec.container)
+
     def to_mapping(self) -> dict[str, Any]:
         """The specification as JSON has it."""
         return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}

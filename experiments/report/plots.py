@@ -174,8 +174,9 @@ def _routes(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
             totals.add(found.total())
     if not shares:
         return
-    late, later, tilted = PAPER_FALLBACK.values()
-    shares["paper"] = late * later / 100.0, late * tilted / 100.0
+    if any(PAPER + name in line.figures for line, _ in behind for name in PAPER_FALLBACK):
+        late, later, tilted = PAPER_FALLBACK.values()
+        shares["paper"] = late * later / 100.0, late * tilted / 100.0
     figure, axes = empty_plot(1.2 + 0.42 * len(shares), xlabel="items placed by the fallback, % of all items")
     heights = [-k for k in range(len(shares))]
     axes.set_yticks(heights, list(shares))

@@ -164,10 +164,23 @@ def test_orders_of_unseen_items_are_lines_of_their_own(
     assert {name for row in own for name in row["order"]} == {"ball", "brick", "bar", "can"}
 
 
+@pytest.mark.parametrize("name", ["heuristics", "fallback", "search5d"])
+def test_what_the_paper_reports_stands_beside_orders_of_its_size_alone(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    few = ("--orders", "1", "--methods", "hm", "--settings", "default", "--json")
+    for more in ((), ("--items", "10", "--container", "0.32x0.32x0.30")):
+        assert _bench(name, catalogue, tmp_path, *few, *more) == 0
+        lines = json.loads(capsys.readouterr().out)["rows"]
+        told = [line["paper_s"] is not None or "paper: of these 5D, %" in line["figures"] for line in lines]
+        assert told == [bool(more)] * len(lines) != []
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
         (("--methods", "hmm"), ("hmm", "hm")),
+        (("--columns", "papr"), ("--columns", "papr", "paper")),
         (("--settings", "papre"), ("papre", "paper")),
         (("--container", "0.2x0.2"), ("0.2x0.2",)),
         (("--shard", "3/2"), ("--shard 3/2", "2/8")),

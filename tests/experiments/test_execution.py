@@ -122,6 +122,10 @@ def test_a_row_tells_the_engine_that_auto_stands_for(spec: RunSpec) -> None:
     assert jobs[0].options.engine == named
 
 
+def test_a_column_that_is_named_twice_is_one() -> None:
+    assert [column.name for column in chosen(("script", "paper", "script"))] == ["script", "paper"]
+
+
 def test_usual_columns_are_compared_with_columns_that_are_run() -> None:
     assert [column.name for column in chosen(())] == list(USUAL)
     for name in USUAL:
