@@ -5,9 +5,10 @@ from __future__ import annotations
 from . import one_thread  # noqa: F401  isort: skip
 
 import argparse
+import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from packenv import api
@@ -72,7 +73,6 @@ class _Done:
     result: Result
     rows: Sequence[Row]
     jobs: Sequence[Job]
-    missing: int
     new: int
     each: Experiment
 
@@ -106,7 +106,8 @@ def _finished(
         what=each.name,
     )
     _say_of_others(each.name, found, any_revision=any_revision)
-    return _Done(each.summarize(spec, found.rows), found.rows, jobs, found.missing, found.new, each)
+    result = replace(each.summarize(spec, found.rows), missing=found.missing)
+    return _Done(result, found.rows, jobs, found.new, each)
 
 
 def _say_of_others(name: str, found: Finished, *, any_revision: bool) -> None:
@@ -138,7 +139,8 @@ def _merge(arguments: argparse.Namespace) -> int:
             target.keep_spec(name, spec)
         for kind in sorted(kinds):
             files = [path for folder in dict.fromkeys([*sources, target]) for path in folder.row_files(kind)]
-            merge_rows(list(dict.fromkeys(path.resolve() for path in files)), target.rows(kind))
+            if files:
+                merge_rows(list(dict.fromkeys(path.resolve() for path in files)), target.rows(kind))
     return _report(arguments, target)
 
 
@@ -162,16 +164,17 @@ def _report(arguments: argparse.Namespace, folder: RunFolder) -> int:
 
 
 def _revision_of(folder: RunFolder, each: Experiment, *, any_revision: bool) -> str:
-    """The revision of the rows of a folder; of several that of the last row.
+    """The revision of the rows of a folder; of several that of the last row, of none yet ``""``.
 
     Raises:
-        InputError: they are of several, and that was not asked for.
+        InputError: they are of several, and that was not asked for; or of shards that are not merged.
     """
     path = folder.rows(each.rows)
     if not path.exists():
-        parts = folder.row_files(each.rows)
-        hint = f": robotpack bench merge {folder.path} --out {folder.path}" if parts else ""
-        raise InputError(f"{path}: does not exist, run the experiment or merge its shards{hint}")
+        if folder.row_files(each.rows):
+            merge = shlex.join(["robotpack", "bench", "merge", str(folder.path), "--out", str(folder.path)])
+            raise InputError(f"{path}: does not exist, merge its shards: {merge}")
+        return ""
     found = [str(row.get("revision")) for row in read_rows(path)]
     if len(set(found)) > 1 and not any_revision:
         told = ", ".join(sorted(set(found)))
@@ -186,20 +189,20 @@ def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done
     if arguments.json:
         rows = [{"experiment": r.experiment, **row} for r in results for row in r.to_json()["rows"]]
         document = results[0].to_json() if len(results) == 1 else {"results": [r.to_json() for r in results]}
-        say_json({**document, "rows": rows, "missing_jobs": sum(each.missing for each in done)})
+        say_json({**document, "rows": rows, "missing_jobs": sum(r.missing for r in results)})
     else:
         for each in done:
             say(text_table(each.result))
             say()
     for each in done:
-        if each.missing:
-            remark(f"{each.result.experiment}: {each.missing} jobs have no row yet")
+        if each.result.missing:
+            remark(f"{each.result.experiment}: {each.result.missing} jobs have no row yet")
         for failure in each.result.failures:
             if failure.why.startswith("job "):
                 remark(f"{each.result.experiment}: {failure.method}, order {failure.index}: {failure.why}")
     if not arguments.no_report:
         _write_report(folder, done, anew=arguments.action in ("merge", "report"))
-    broken = sum(result.broken for result in results) + sum(each.missing for each in done)
+    broken = sum(result.broken + result.missing for result in results)
     findings = sum(
         int(row.get(name, 0))
         for each in done

@@ -123,6 +123,7 @@ class Result:
         remarks: sentences that belong under the table.
         revisions: of the product, of all rows.
         broken: how many jobs failed, died or took too long.
+        missing: how many jobs have no row yet.
     """
 
     experiment: str
@@ -134,6 +135,7 @@ class Result:
     remarks: tuple[str, ...] = ()
     revisions: tuple[str, ...] = ()
     broken: int = 0
+    missing: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """The result as JSON has it: ``rows`` are the lines of its table."""
@@ -147,4 +149,5 @@ class Result:
             "remarks": list(self.remarks),
             "revisions": list(self.revisions),
             "failed_jobs": self.broken,
+            "missing_jobs": self.missing,
         }

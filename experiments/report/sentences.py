@@ -94,9 +94,13 @@ def _difference_words(c: Comparison) -> str:
 
 def broken_words(result: Result) -> list[str]:
     """Jobs that gave no figures."""
-    if not result.broken:
-        return []
-    return [
-        f"{count(result.broken, 'job')} broke (failed, died or took too long): the same command does "
-        f"{'them' if result.broken > 1 else 'it'} again."
-    ]
+    told = []
+    if result.broken:
+        told.append(
+            f"{count(result.broken, 'job')} broke (failed, died or took too long): the same command does "
+            f"{'them' if result.broken > 1 else 'it'} again."
+        )
+    if result.missing:
+        has = "have" if result.missing > 1 else "has"
+        told.append(f"{count(result.missing, 'job')} {has} no row yet: the figures are of those that are there.")
+    return told

@@ -138,6 +138,8 @@ def _run_table(results: Sequence[Result]) -> Table:
                 told[name].append(fact)
     broken = sum(result.broken for result in results)
     told["jobs that broke"] = [f"{broken:,}"]
+    if missing := sum(result.missing for result in results):
+        told["jobs without a row yet"] = [f"{missing:,}"]
     rows = tuple((Cell(name), Cell(plain("; ".join(facts)))) for name, facts in told.items() if facts)
     return Table("", (Column("this run", "name"), Column("", "text")), (Group("", rows),))
 

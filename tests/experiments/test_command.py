@@ -260,3 +260,32 @@ def test_a_report_of_several_revisions_is_of_the_last_one_where_it_has_rows(
     printed = capsys.readouterr()
     assert json.loads(printed.out)["revisions"] == [rows[0]["revision"]]
     assert "older" not in printed.err
+
+
+def test_a_report_of_a_run_that_was_stopped_says_what_is_missing(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW) == 0
+    path = tmp_path / "planning.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-2]))
+    # an experiment that was stopped before its first row
+    asked = json.loads((tmp_path / "heuristics.spec.json").read_text())
+    (tmp_path / "robustness.spec.json").write_text(json.dumps({**asked, "orders": 1}))
+    capsys.readouterr()
+    report = ["bench", "report", str(tmp_path)]
+    assert main(report) == 1
+    assert "2 jobs have no row yet" in capsys.readouterr().out
+    for name in ("report.md", "report.html"):
+        assert "2 jobs have no row yet" in (tmp_path / name).read_text(encoding="utf-8")
+    assert main([*report, "--no-report", "--json"]) == 1
+    results = json.loads(capsys.readouterr().out)["results"]
+    assert [result["missing_jobs"] for result in results] == [2, 4]
+
+
+def test_a_report_of_shards_says_how_they_are_merged(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "two parts"
+    assert _bench("heuristics", catalogue, out, *FEW, "--shard", "1/2") == 0
+    capsys.readouterr()
+    refused(capsys, main(["bench", "report", str(out)]), f"robotpack bench merge '{out}' --out '{out}'")
