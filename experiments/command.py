@@ -33,7 +33,7 @@ from .revision import revision
 from .runner import Finished, Pool, alone, finish
 from .setting import options_of
 from .spec import RunSpec
-from .words import commands_of
+from .words import USES, commands_of, unused
 
 if TYPE_CHECKING:
     from packenv.execution.execute import ExecutedPlan
@@ -57,6 +57,8 @@ def _run(arguments: argparse.Namespace) -> int:
     folder = RunFolder(arguments.out)
     names = list(EXPERIMENTS) if arguments.action == "all" else [arguments.action]
     wanted = [experiment(name) for name in names]
+    if len(names) == 1 and (useless := unused(names[0], spec)):
+        remark(f"{names[0]} has no use for {', '.join(useless)}")
     any_revision = arguments.any_revision
     try:
         done = [_finished(e, spec, folder, pool, shard, any_revision=any_revision) for e in wanted]
@@ -89,7 +91,14 @@ def _finished(
 ) -> _Done:
     """Do an experiment, or with a revision only read the rows of that one."""
     each.prepare(spec, str(folder.path))
-    jobs = [job for job in each.jobs(spec) if job.index in shard]
+    wanted = each.jobs(spec)
+    if spec.methods and "methods" in USES[each.name] and not _any_asked_for(spec, wanted):
+        settings = f" with --settings {' '.join(spec.settings)}" if spec.settings else ""
+        remark(
+            f"{each.name}: has no job for --methods {' '.join(spec.methods)}{settings}; the paper's preset is run with "
+            "the paper's methods, and small orders without gls"
+        )
+    jobs = [job for job in wanted if job.index in shard]
     found = finish(
         each.work,
         jobs,
@@ -108,6 +117,11 @@ def _finished(
     _say_of_others(each.name, found, any_revision=any_revision)
     result = replace(each.summarize(spec, found.rows), missing=found.missing)
     return _Done(result, found.rows, jobs, found.new, each)
+
+
+def _any_asked_for(spec: RunSpec, jobs: Sequence[Job]) -> bool:
+    """Whether a method that is named is run in a setting that is named: witnesses of feasibility are others."""
+    return any(job.method in spec.methods and job.setting in (spec.settings or [job.setting]) for job in jobs)
 
 
 def _say_of_others(name: str, found: Finished, *, any_revision: bool) -> None:

@@ -102,5 +102,7 @@ def broken_words(result: Result) -> list[str]:
         )
     if result.missing:
         has = "have" if result.missing > 1 else "has"
-        told.append(f"{count(result.missing, 'job')} {has} no row yet: the figures are of those that are there.")
+        told.append(
+            f"{count(result.missing, 'job')} {has} no row yet: the figures are of those that are there."
+        )
     return told

@@ -56,7 +56,8 @@ def run(
     with terminable():
         while (first := list(islice(waiting, AHEAD * workers))) != []:
             waiting = chain(first, waiting)
-            with _pool(workers, prepare, arguments, start) as pool:
+            # As many processes as jobs: all of them start at once, and each opens the catalogue.
+            with _pool(min(workers, len(first)), prepare, arguments, start) as pool:
                 done, lost = 0, list[J]()
                 for outcome in _until_broken(pool, work, waiting, AHEAD * workers, timeout, lost):
                     done += 1

@@ -56,6 +56,21 @@ def test_a_job_that_takes_its_process_down_costs_its_own_row_alone(workers: int)
     assert all(o.row == {"square": o.job.number**2} for o in outcomes if o.job.number not in bad)
 
 
+def test_no_more_processes_start_than_there_are_jobs() -> None:
+    outcomes = imap_unordered(
+        work,
+        [Job(0), Job(1)],
+        backend="pebble",
+        workers=8,
+        timeout=50.0,
+        prepare=prepare,
+        arguments=(),
+    )
+    with closing(outcomes):
+        assert next(outcomes).status == "ok"
+        assert 1 <= len(_workers()) <= 2
+
+
 def test_time_counts_from_the_start_of_a_job() -> None:
     outcomes = run("pebble", [Job(k, "nap") for k in range(4)], 1)
     assert {o.status for o in outcomes} == {"ok"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,12 @@ import pytest
 import trimesh
 
 from packenv.cli import main
+from packenv.cli.bench import EXPERIMENTS, FURTHER
+from packenv.experiments.registry import experiment
+from packenv.experiments.spec import RunSpec
+from packenv.experiments.words import USES, unused
 from packenv.io.rows import read_rows
+from packenv.sim.engines import is_there
 from tests.cli.refusals import refused
 from tests.experiments.other_run import other_run_at
 from tests.shapes import cup
@@ -232,7 +238,9 @@ def test_a_run_that_is_refused_leaves_what_the_other_one_was_asked_for(
     spec = (tmp_path / "heuristics.spec.json").read_bytes()
     capsys.readouterr()
     with other_run_at(tmp_path / "planning.jsonl"):
-        refused(capsys, _bench("heuristics", catalogue, tmp_path, *FEW, "--seed", "1"), "another run writes it")
+        refused(
+            capsys, _bench("heuristics", catalogue, tmp_path, *FEW, "--seed", "1"), "another run writes it"
+        )
     assert (tmp_path / "heuristics.spec.json").read_bytes() == spec
 
 
@@ -289,3 +297,64 @@ def test_a_report_of_shards_says_how_they_are_merged(
     assert _bench("heuristics", catalogue, out, *FEW, "--shard", "1/2") == 0
     capsys.readouterr()
     refused(capsys, main(["bench", "report", str(out)]), f"robotpack bench merge '{out}' --out '{out}'")
+
+
+@pytest.mark.parametrize("name", [*EXPERIMENTS, *FURTHER])
+def test_jobs_depend_on_the_options_that_an_experiment_uses_and_on_no_others(
+    catalogue: Path, name: str
+) -> None:
+    asked = RunSpec(
+        str(catalogue), orders=1, items=3, methods=("hm",), settings=("default",), columns=("script",)
+    )
+    others: dict[str, Any] = {
+        "items": 4,
+        "container": (0.3, 0.3, 0.2),
+        "methods": ("auto", "gls"),
+        "constraints": ("robot",),
+        "settings": ("default,restarts=0",),
+        "gls_plans": 7,
+        "columns": ("pack",),
+        "engine": "mujoco",
+    }
+    each = experiment(name)
+    if name == "engines" and not is_there("bullet"):
+        pytest.skip("needs both engines")
+
+    def keys(spec: RunSpec) -> set[str]:
+        each.prepare(spec, str(catalogue / "run"))
+        return {job.key for job in each.jobs(spec)}
+
+    if name == "heuristics":
+        asked = replace(asked, methods=("hm", "gls"))
+    differ = {
+        field for field, value in others.items() if keys(replace(asked, **{field: value})) != keys(asked)
+    }
+    # "auto" is one of the engines, and may be this one
+    assert differ | {"engine"} == USES[name] | {"engine"}
+    for field, value in others.items():
+        told = unused(name, replace(RunSpec(), **{field: value}))
+        assert told == ([] if field in USES[name] else [f"--{field.replace('_', '-')}"])
+
+
+def test_what_an_experiment_has_no_use_for_is_told(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ("--orders", "1", "--settings", "default")
+    assert _bench("fallback", catalogue, tmp_path, *few, "--methods", "hm", "--columns", "pack") == 0
+    assert "fallback has no use for --methods, --columns" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "methods", "settings"), [("heuristics", "minz", "paper"), ("small-orders", "gls", "default")]
+)
+def test_a_method_that_is_not_run_is_told(
+    catalogue: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    methods: str,
+    settings: str,
+) -> None:
+    asked = ("--methods", methods, "--settings", settings, "--orders", "1")
+    assert _bench(name, catalogue, tmp_path, *asked, "--constraints", "overlap") == 0
+    assert f"{name}: has no job for --methods {methods} with --settings {settings}" in capsys.readouterr().err

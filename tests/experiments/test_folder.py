@@ -73,7 +73,7 @@ def test_the_command_that_is_told_asks_for_the_same() -> None:
         orders=7,
         seed=3,
         methods=("hm", "gls"),
-        container=(0.4, 0.3, 0.2),
+        container=(0.4, 0.33333333, 0.2),
         settings=("default,grasp=paper",),
         unseen="second-half",
     )
