@@ -251,7 +251,7 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
     try:
         write_report(
             folder.path,
-            [each.result for each in done],
+            [_told_of_pictures(each) for each in done],
             {name: each.rows for name, each in named.items()},
             pictures,
             command="\n".join(commands_of(specs, folder.path)),
@@ -261,6 +261,15 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
         remark(f"no report: {problem}")
     else:
         remark(f"wrote {page} and {page.with_suffix('.md')}")
+
+
+def _told_of_pictures(done: _Done) -> Result:
+    """The result, and in it where plans that are shown are not those of the rows."""
+    now = revision(done.each.work)
+    if set(done.result.revisions) <= {now}:
+        return done.result
+    told = f"Plans that are shown were made again by revision {now}, which may plan otherwise than the rows tell."
+    return replace(done.result, remarks=(*done.result.remarks, told))
 
 
 def _figures(arguments: argparse.Namespace) -> int:
@@ -292,7 +301,10 @@ def spec_of(arguments: argparse.Namespace) -> RunSpec:
         if method != GLS:
             heuristic_of(PlanOptions(heuristic=method))
     for setting in arguments.settings:
-        options_of(setting)
+        if options_of(setting).search == "5d" and arguments.action in ("search5d", "all"):
+            raise InputError(
+                f"setting {setting!r:.60}: search5d adds search=5d itself, give the setting without it"
+            )
     chosen(arguments.columns)
     return RunSpec(
         catalogue=arguments.catalogue,
@@ -303,7 +315,7 @@ def spec_of(arguments: argparse.Namespace) -> RunSpec:
         container=parse_container(arguments.container, read_boxes()).size,
         methods=tuple(arguments.methods),
         constraints=tuple(arguments.constraints),
-        settings=tuple(arguments.settings),
+        settings=tuple("".join(setting.split()) for setting in arguments.settings),
         gls_plans=arguments.gls_plans,
         unseen=arguments.unseen,
         columns=tuple(arguments.columns),
@@ -312,13 +324,16 @@ def spec_of(arguments: argparse.Namespace) -> RunSpec:
 
 
 def _pool(arguments: argparse.Namespace) -> Pool:
-    backend = arguments.backend
+    backend, hint = arguments.backend, ""
     if arguments.ray_address is not None and backend != "ray":
         raise InputError(f"--ray-address: is for --backend ray, which --backend {backend} is not")
     if backend == "auto":
         from importlib.util import find_spec
 
         backend = "pebble" if find_spec("pebble") else "serial"
+        hint = "; worker processes need pebble: pip install 'robotpack[bench]'"
+    if backend == "serial" and arguments.workers > 1:
+        remark(f"--workers {arguments.workers}: all jobs are done in this process, one after another{hint}")
     return Pool(backend, arguments.workers, arguments.ray_address, arguments.timeout)
 
 

@@ -206,6 +206,42 @@ def test_a_mistake_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
+def test_the_5d_search_is_not_asked_for_twice(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = _bench("search5d", catalogue, tmp_path / "out", "--settings", "default,search=5d")
+    refused(capsys, code, "default,search=5d", "without it")
+
+
+def test_workers_that_are_not_there_are_told(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = ("--orders", "1", "--methods", "hm", "--settings", " default", "--constraints", "overlap", "--workers", "2")
+    assert _bench("heuristics", catalogue, tmp_path, *one, "--backend", "serial") == 0
+    assert "--workers 2: all jobs are done in this process" in capsys.readouterr().err
+    content = (tmp_path / "planning.jsonl").read_bytes()
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    one = (*one[:5], "default", *one[6:])
+    assert _bench("heuristics", catalogue, tmp_path, *one) == 0
+    assert "pip install 'robotpack[bench]'" in capsys.readouterr().err
+    assert (tmp_path / "planning.jsonl").read_bytes() == content  # a setting with spaces is the same
+
+
+def test_a_report_of_an_older_revision_says_that_its_plans_are_made_again(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _bench("heuristics", catalogue, tmp_path, *FEW) == 0
+    path = tmp_path / "planning.jsonl"
+    told = "Plans that are shown were made again by revision"
+    for older in (False, True):
+        if older:
+            rows = [{**row, "revision": "0.1+older"} for row in read_rows(path)]
+            path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+        assert main(["bench", "report", str(tmp_path)]) == 0
+        assert (told in (tmp_path / "report.html").read_text(encoding="utf-8")) == older
+        assert told not in capsys.readouterr().out  # where nothing is shown
+
+
 def test_a_box_that_takes_no_item_is_a_mistake(
     catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
