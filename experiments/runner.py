@@ -103,7 +103,7 @@ def finish(
         what: is done, for the bar.
 
     Raises:
-        InputError: the file holds something else than rows, or another run writes it.
+        InputError: the file holds something else than rows, another run writes it, or it cannot be written.
     """
     wanted = {job.key: job for job in jobs}
     with nullcontext() if only_read else alone(out):
@@ -130,7 +130,12 @@ def finish(
                 row |= head(outcome.job) if head else {}
                 row |= {"error": outcome.error} if outcome.row is None else outcome.row
                 row["seconds"] = outcome.seconds
-                file.append(row)
+                try:
+                    file.append(row)
+                except OSError as problem:
+                    raise InputError(
+                        f"{out}: cannot be written ({problem.strerror}), make room; the same command goes on from there"
+                    ) from None
                 found[key] = row
                 new += 1
     rows = tuple(found[key] for key in wanted if key in found)

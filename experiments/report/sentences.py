@@ -97,7 +97,8 @@ def broken_words(result: Result) -> list[str]:
     told = []
     if result.broken:
         told.append(
-            f"{count(result.broken, 'job')} broke (failed, died or took too long): the same command does "
+            f"{count(result.broken, 'job')} broke (failed, died or took too long) and "
+            f"count{'s' * (result.broken == 1)} in no figure: the same command does "
             f"{'them' if result.broken > 1 else 'it'} again."
         )
     if result.missing:

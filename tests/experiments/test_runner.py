@@ -150,6 +150,22 @@ def test_a_run_goes_on_without_a_lock_where_the_file_system_knows_none(
     assert _run([_Job("a", tmp_path / "log")], tmp_path / "rows.jsonl").new == 1
 
 
+def test_a_full_disk_is_told_by_the_name_of_the_file(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    out = tmp_path / "rows.jsonl"
+    jobs = [_Job(f"{k:04}", tmp_path / "log") for k in range(40)]
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"rows\.jsonl: cannot be written \(File too large\)"):
+            _run(jobs, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    rows = len(list(read_rows(out)))
+    assert rows > 0
+    assert _run(jobs, out).new == len(jobs) - rows
+
+
 _KILLED = """
 import sys, time
 from dataclasses import dataclass
