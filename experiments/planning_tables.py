@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .experiment import Row
 from .results import Comparison, Failure, Line, Result
@@ -133,14 +133,8 @@ def _against_first(groups: Sequence[_Rows]) -> list[Comparison]:
 def heuristics_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     """The paper's first table, over the orders that some method packs."""
     feasible = feasible_orders(rows)
-    asked = [
-        g
-        for g in _grouped(rows)
-        if g.group.constraints in spec.constraints
-        and (not spec.methods or g.method in spec.methods)
-        and (not spec.settings or g.group.setting in spec.settings)
-    ]
-    groups = _without(asked, feasible)
+    asked = [row for row in rows if _asked_for(spec, row)]
+    groups = _without(_grouped(asked), feasible)
     paper = PAPER if spec.as_paper else {}
     lines = [
         line(
@@ -163,8 +157,18 @@ def heuristics_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
             f"Of {len(drawn)} orders drawn of {items} items {left_out} that no method packs are left out, as the "
             "paper leaves them out."
         )
-    return _result(
+    result = _result(
         "heuristics", "Heuristics on large orders", spec, rows, lines, _against_first(groups), remarks
+    )
+    return replace(result, failures=tuple(_failures([r for r in rows if "error" in r or _asked_for(spec, r)])))
+
+
+def _asked_for(spec: RunSpec, row: Row) -> bool:
+    """Whether a row is of a line of the table of heuristics: a witness of feasibility may be of none."""
+    return (
+        row["constraints"] in spec.constraints
+        and (not spec.methods or row["method"] in spec.methods)
+        and (not spec.settings or row["setting"] in spec.settings)
     )
 
 

@@ -24,7 +24,7 @@ def text_table(result: Result) -> str:
 
 def _table_lines(table: Table) -> list[str]:
     if not any(group.rows for group in table.groups):
-        return ["  no orders yet"]
+        return ["  no orders to tell of"]
     rows = [tuple(cell.text for cell in row) for group in table.groups for row in group.rows]
     heads = [
         _heading(column.title, texts)

@@ -114,7 +114,7 @@ def _head(results: Sequence[Result], commands: Sequence[str]) -> Section:
     blocks: list[Block] = [Command(tuple(commands)), _run_table(results)]
     for result in results:
         said = summary(result)
-        blocks += [Heading(plain(result.title)), Points(tuple(said) or ("No order yet.",))]
+        blocks += [Heading(plain(result.title)), Points(tuple(said) or ("No orders to tell of.",))]
     return Section("summary", "What was run, and what it says", tuple(blocks))
 
 
@@ -150,7 +150,7 @@ def _experiment(result: Result, plots: tuple[Plot, ...], seen: Shown) -> Section
     if result.lines:
         blocks.append(results_table(result))
     else:
-        blocks.append(Text("No order yet."))
+        blocks.append(Text("No orders to tell of."))
     if result.remarks:
         blocks.append(Points(tuple(map(plain, result.remarks))))
     if plots:

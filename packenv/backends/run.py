@@ -10,6 +10,9 @@ from packenv.errors import InputError
 from . import pebble_pool, ray_pool, serial
 from .outcome import BackendName, J, Outcome, Prepare
 
+LONGEST = 1e9
+"""Seconds that a time limit has at most: clocks of the system take no number that they have not."""
+
 
 def imap_unordered(
     work: Callable[[J], dict[str, Any]],
@@ -46,6 +49,7 @@ def imap_unordered(
         InputError: the backend is not installed, the cluster does not answer, or ``prepare`` raises it.
         RobotPackError: a worker could not be prepared.
     """
+    timeout = min(timeout, LONGEST)
     if backend == "serial":
         return serial.run(work, jobs, timeout=timeout, prepare=prepare, arguments=arguments)
     if workers is not None and workers < 1:

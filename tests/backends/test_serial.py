@@ -31,6 +31,10 @@ def test_the_limit_is_each_jobs_own() -> None:
     assert {o.status for o in run("serial", [Job(k, "nap") for k in range(3)])} == {"ok"}
 
 
+def test_a_limit_that_no_clock_has_is_none() -> None:
+    assert {o.status for o in run("serial", [Job(0), Job(1)], timeout=1e300)} == {"ok"}
+
+
 def test_no_alarm_and_no_handler_is_left() -> None:
     before = signal.getsignal(signal.SIGALRM)
     run("serial", [Job(0), Job(1, "raise"), Job(2, "hang")])

@@ -394,3 +394,15 @@ def test_a_method_that_is_not_run_is_told(
     asked = ("--methods", methods, "--settings", settings, "--orders", "1")
     assert _bench(name, catalogue, tmp_path, *asked, "--constraints", "overlap") == 0
     assert f"{name}: has no job for --methods {methods} with --settings {settings}" in capsys.readouterr().err
+
+
+def test_failures_are_those_of_the_methods_that_were_asked_for(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ("--orders", "1", "--methods", "minz", "--settings", "default", "--constraints", "overlap")
+    full = ("--items", "30", "--container", "0.13x0.10x0.06")  # more than fits
+    assert _bench("heuristics", catalogue, tmp_path, *few, *full, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert len(list(read_rows(tmp_path / "planning.jsonl"))) == 4
+    assert [failure["method"] for failure in document["failures"]] == ["minz"]
+    assert document["rows"] == []  # no method packs it

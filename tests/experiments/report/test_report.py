@@ -282,7 +282,7 @@ def test_rows_of_two_experiments_are_drawn_once(tmp_path: Path) -> None:
 def test_few_orders(tmp_path: Path, lines: tuple[Any, ...]) -> None:
     page, markdown = written(tmp_path, result(*lines))
     for text in (page.text, markdown.lower()):
-        assert ("no order yet" in text.lower()) == (not lines)
+        assert ("no orders to tell of" in text.lower()) == (not lines)
 
 
 def test_only_some_failures_are_listed_and_all_are_counted(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def test_figures_are_columns_and_what_is_missing_is_a_dash() -> None:
 
 
 def test_an_empty_result_and_one_order() -> None:
-    assert "no orders yet" in text_table(result())
+    assert "no orders to tell of" in text_table(result())
     assert "100.0" in text_table(result(line(hits=1, n=1)))
 
 
