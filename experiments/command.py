@@ -332,9 +332,10 @@ def _pool(arguments: argparse.Namespace) -> Pool:
 
         backend = "pebble" if find_spec("pebble") else "serial"
         hint = "; worker processes need pebble: pip install 'robotpack[bench]'"
-    if backend == "serial" and arguments.workers > 1:
+    if backend == "serial" and (arguments.workers or 1) > 1:
         remark(f"--workers {arguments.workers}: all jobs are done in this process, one after another{hint}")
-    return Pool(backend, arguments.workers, arguments.ray_address, arguments.timeout)
+    workers = arguments.workers or (None if arguments.ray_address else 1)
+    return Pool(backend, workers, arguments.ray_address, arguments.timeout)
 
 
 def _shard(text: str | None) -> Shard:

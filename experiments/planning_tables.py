@@ -160,7 +160,9 @@ def heuristics_table(spec: RunSpec, rows: Sequence[Row]) -> Result:
     result = _result(
         "heuristics", "Heuristics on large orders", spec, rows, lines, _against_first(groups), remarks
     )
-    return replace(result, failures=tuple(_failures([r for r in rows if "error" in r or _asked_for(spec, r)])))
+    return replace(
+        result, failures=tuple(_failures([r for r in rows if "error" in r or _asked_for(spec, r)]))
+    )
 
 
 def _asked_for(spec: RunSpec, row: Row) -> bool:

@@ -38,13 +38,13 @@ class Pool:
 
     Attributes:
         backend: see :mod:`packenv.backends`.
-        workers: processes.
+        workers: processes; None: one for each CPU of a Ray cluster.
         ray_address: of a cluster.
         timeout: seconds after which a job is given up; None takes the experiment's.
     """
 
     backend: BackendName = "pebble"
-    workers: int = 1
+    workers: int | None = 1
     ray_address: str | None = None
     timeout: float | None = None
 

@@ -144,7 +144,10 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
         "installed (default: %(default)s)",
     )
     parser.add_argument(
-        "--workers", type=numbers.at_least_one, default=1, metavar="N", help="default: %(default)s"
+        "--workers",
+        type=numbers.at_least_one,
+        metavar="N",
+        help="default: 1; with --ray-address one for each CPU of the cluster",
     )
     parser.add_argument(
         "--ray-address", metavar="ADDRESS", help="cluster to join, with --backend ray; auto: this one"

@@ -13,6 +13,8 @@ import trimesh
 
 from packenv.cli import main
 from packenv.cli.bench import EXPERIMENTS, FURTHER
+from packenv.cli.parser import command_line
+from packenv.experiments.command import _pool
 from packenv.experiments.registry import experiment
 from packenv.experiments.spec import RunSpec
 from packenv.experiments.words import USES, unused
@@ -216,7 +218,18 @@ def test_the_5d_search_is_not_asked_for_twice(
 def test_workers_that_are_not_there_are_told(
     catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    one = ("--orders", "1", "--methods", "hm", "--settings", " default", "--constraints", "overlap", "--workers", "2")
+    one = (
+        "--orders",
+        "1",
+        "--methods",
+        "hm",
+        "--settings",
+        " default",
+        "--constraints",
+        "overlap",
+        "--workers",
+        "2",
+    )
     assert _bench("heuristics", catalogue, tmp_path, *one, "--backend", "serial") == 0
     assert "--workers 2: all jobs are done in this process" in capsys.readouterr().err
     content = (tmp_path / "planning.jsonl").read_bytes()
@@ -406,3 +419,19 @@ def test_failures_are_those_of_the_methods_that_were_asked_for(
     assert len(list(read_rows(tmp_path / "planning.jsonl"))) == 4
     assert [failure["method"] for failure in document["failures"]] == ["minz"]
     assert document["rows"] == []  # no method packs it
+
+
+@pytest.mark.parametrize(
+    ("words", "workers"),
+    [
+        ((), 1),
+        (("--workers", "3"), 3),
+        (("--backend", "ray"), 1),
+        (("--backend", "ray", "--ray-address", "auto"), None),
+        (("--backend", "ray", "--ray-address", "auto", "--workers", "5"), 5),
+    ],
+)
+def test_a_cluster_is_used_whole_unless_workers_are_named(
+    words: tuple[str, ...], workers: int | None
+) -> None:
+    assert _pool(command_line().parse_args(["bench", "heuristics", *words])).workers == workers
