@@ -65,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         remark(f"stopped; the rows are in {folder.path}, and the same command goes on from there")
         raise
-    return _tell(arguments, folder, done)
+    return _tell(arguments, folder, done, part=shard.count > 1)
 
 
 @dataclass(frozen=True)
@@ -196,10 +196,14 @@ def _revision_of(folder: RunFolder, each: Experiment, *, any_revision: bool) -> 
     return found[-1] if found else ""
 
 
-def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done]) -> int:
+def _tell(
+    arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done], *, part: bool = False
+) -> int:
+    """Print results; keep them and write the report, but of a part, which would stand for the whole there."""
     results = [each.result for each in done]
-    for result in results:
-        folder.keep_result(result)
+    if not part:
+        for result in results:
+            folder.keep_result(result)
     if arguments.json:
         rows = [{"experiment": r.experiment, **row} for r in results for row in r.to_json()["rows"]]
         document = results[0].to_json() if len(results) == 1 else {"results": [r.to_json() for r in results]}
@@ -214,7 +218,9 @@ def _tell(arguments: argparse.Namespace, folder: RunFolder, done: Sequence[_Done
         for failure in each.result.failures:
             if failure.why.startswith("job "):
                 remark(f"{each.result.experiment}: {failure.method}, order {failure.index}: {failure.why}")
-    if not arguments.no_report:
+    if part and not arguments.no_report:
+        remark(f"this is shard {arguments.shard}: robotpack bench merge writes the report of all")
+    elif not arguments.no_report:
         _write_report(folder, done, anew=arguments.action in ("merge", "report"))
     broken = sum(result.broken + result.missing for result in results)
     findings = sum(

@@ -122,8 +122,10 @@ def _outcome(future: _Answer, job: J, seconds: float, timeout: float) -> Outcome
 
 
 def _ending(code: int) -> str:
-    """An exit code of :mod:`multiprocessing` in words."""
-    return f"exit code {code}" if code >= 0 else signal.Signals(-code).name
+    """An exit code of :mod:`multiprocessing` in words; some signals have no name."""
+    if code >= 0:
+        return f"exit code {code}"
+    return signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
 
 
 @contextmanager

@@ -56,6 +56,22 @@ def test_a_job_that_takes_its_process_down_costs_its_own_row_alone(workers: int)
     assert all(o.row == {"square": o.job.number**2} for o in outcomes if o.job.number not in bad)
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGRTMIN"), reason="this system has no signals without a name")
+def test_a_signal_without_a_name_costs_one_row_as_well(tmp_path: Path) -> None:
+    number = signal.SIGRTMIN + 1
+
+    def kill() -> None:
+        until(lambda: any(tmp_path.iterdir()))
+        os.kill(int(next(tmp_path.iterdir()).name), number)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcomes = run("pebble", [Job(0), Job(1, "tell", tmp_path), Job(2)], timeout=50.0)
+    killer.join()
+    assert [o.status for o in outcomes] == ["ok", "died", "ok"]
+    assert outcomes[1].error == f"its process died (signal {number})"
+
+
 def test_no_more_processes_start_than_there_are_jobs() -> None:
     outcomes = imap_unordered(
         work,

@@ -117,6 +117,16 @@ def test_shards_make_the_rows_of_the_whole(
     assert _rows(tmp_path / "parts") == _rows(tmp_path / "whole")
 
 
+def test_a_shard_leaves_rows_and_no_result_that_stands_for_the_whole(
+    catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--catalogue", str(catalogue), "--items", "4", "--container", "0.2x0.2x0.15", "--out", str(tmp_path)]
+    assert main(["bench", "heuristics", *words, *FEW, "--shard", "1/2"]) == 0
+    assert "robotpack bench merge writes the report" in capsys.readouterr().err
+    assert {path.suffix for path in tmp_path.iterdir()} == {".jsonl", ".json", ".lock"}
+    assert [path.name for path in tmp_path.glob("*.json")] == ["heuristics.spec.json"]
+
+
 def test_a_missing_shard_is_told(catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert _bench("heuristics", catalogue, tmp_path / "a", *FEW, "--shard", "1/2") == 0
     capsys.readouterr()
