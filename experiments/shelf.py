@@ -7,7 +7,6 @@ from packenv.items.plan_items import catalogue_of
 from packenv.items.shelf import ItemShelf
 from packenv.planning.options import Geometry
 
-
 MEMORY = 2**30
 """Bytes of surfaces, and as many of heightmaps, that a worker keeps: more than those of some 200 scans."""
 

@@ -1,8 +1,7 @@
 """RobotPack: plan, check, execute and learn the packing of real, non-convex items with a robot arm.
 
 Importing this package registers the Gymnasium environments ``RobotPack-v0`` and, by name, those of
-:mod:`packenv.env.presets`. The public names below are loaded
-when they are first asked for::
+:mod:`packenv.env.presets`. The public names below are loaded when they are first asked for::
 
     import packenv as rp
 
