@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from packenv.cli import numbers
 from packenv.cli.exit_codes import reported
+from packenv.env.presets import PRESETS
 from packenv.errors import InputError
 from packenv.extensions import is_extension
 from packenv.json_text import parse_json, read_json
@@ -96,6 +97,9 @@ def _parser() -> argparse.ArgumentParser:
         help='the orders, such as {"kind": "random", "items": [5, 10]}, or a generator of your own '
         "(default: ten random items)",
     )
+    parser.add_argument(
+        "--preset", choices=tuple(PRESETS), help="environment and orders by a word (docs/environment.md)"
+    )
     parser.add_argument("--weights", type=Path, metavar="DIR", help="what train wrote, for the agent learned")
     parser.add_argument(
         "--trust", action="store_true", help="let --weights be a zip, which can run any code while it is read"
@@ -115,11 +119,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    config = _document(arguments.env_config, "--env-config")
+    preset = None if arguments.preset is None else PRESETS[arguments.preset]
+    if preset is not None and (arguments.env_config or arguments.order_generator):
+        raise InputError("--preset: is environment and orders, leave --env-config and --order-generator out")
+    config = _document(arguments.env_config, "--env-config") if preset is None else dict(preset.config)
     options = _agent_options(arguments, config)
     given = arguments.order_generator
     own = given is not None and is_extension(given) and "{" not in given and not Path(given).exists()
     orders = given if own else _document(given, "--order-generator")
+    orders = orders if preset is None else dict(preset.order_generator)
 
     # Only now: --help and mistakes need not wait for the planner's libraries.
     from packenv.env.config import PackConfig

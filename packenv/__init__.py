@@ -1,7 +1,7 @@
 """RobotPack: plan, check, execute and learn the packing of real, non-convex items with a robot arm.
 
-Importing this package registers the Gymnasium environment ``RobotPack-v0``. The public names below are loaded
-when they are first asked for::
+Importing this package registers the Gymnasium environments ``RobotPack-v0`` and, by name, those of
+:mod:`packenv.env.presets`. The public names below are loaded when they are first asked for::
 
     import packenv as rp
 
@@ -12,6 +12,8 @@ import importlib as _importlib
 from typing import TYPE_CHECKING as _TYPE_CHECKING, Any as _Any
 
 from gymnasium.envs.registration import register as _register
+
+from packenv.env.presets import PRESETS as _PRESETS, env_id as _env_id
 
 if _TYPE_CHECKING:
     from packenv.api import (
@@ -120,6 +122,8 @@ _PUBLIC = {
 __all__ = [*sorted(_PUBLIC), "__version__"]
 
 _register("RobotPack-v0", entry_point="packenv.env.pack_env:PackEnv")
+for _name, _preset in _PRESETS.items():
+    _register(_env_id(_name), entry_point="packenv.env.pack_env:PackEnv", kwargs=_preset.to_kwargs())
 
 
 def __getattr__(name: str) -> _Any:
