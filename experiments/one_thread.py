@@ -1,4 +1,8 @@
-"""Import this first: it pins every numerical library to one thread."""
+"""Import this first: it pins numerical libraries to one thread, those of all processes that are started afterwards.
+
+NumPy's own BLAS keeps its threads in this process, for ``import packenv`` loads it before; it uses them for large
+matrices alone.
+"""
 
 import os
 
