@@ -63,7 +63,7 @@ def plots_of(result: Result, rows: Sequence[Row]) -> tuple[Plot, ...]:
 def _drawn(result: Result, rows: Sequence[Row]) -> Iterator[_Drawn]:
     behind = _rows_by_line(result, rows)
     if result.experiment == "fallback":  # its success and times are those of the heuristics
-        yield from _routes(behind)
+        yield from _routes(behind, as_paper=result.spec.as_paper)
         return
     for panel in panels_of(result.lines):
         yield _success(panel)
@@ -159,7 +159,7 @@ def _times(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
         yield "time", caption + (f" Upright lines: the paper's means ({paper})." if told else ""), figure
 
 
-def _routes(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
+def _routes(behind: Sequence[_Behind], *, as_paper: bool) -> Iterator[_Drawn]:
     """Which way items found their places that found none in the first pass."""
     shares: dict[str, tuple[float, float]] = {}
     totals: set[int] = set()
@@ -174,7 +174,7 @@ def _routes(behind: Sequence[_Behind]) -> Iterator[_Drawn]:
             totals.add(found.total())
     if not shares:
         return
-    if any(PAPER + name in line.figures for line, _ in behind for name in PAPER_FALLBACK):
+    if as_paper:
         late, later, tilted = PAPER_FALLBACK.values()
         shares["paper"] = late * later / 100.0, late * tilted / 100.0
     figure, axes = empty_plot(1.2 + 0.42 * len(shares), xlabel="items placed by the fallback, % of all items")

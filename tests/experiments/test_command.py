@@ -120,8 +120,8 @@ def test_shards_make_the_rows_of_the_whole(
 def test_a_shard_leaves_rows_and_no_result_that_stands_for_the_whole(
     catalogue: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--catalogue", str(catalogue), "--items", "4", "--container", "0.2x0.2x0.15", "--out", str(tmp_path)]
-    assert main(["bench", "heuristics", *words, *FEW, "--shard", "1/2"]) == 0
+    words = ["--catalogue", str(catalogue), "--items", "4", "--out", str(tmp_path), *FEW]
+    assert main(["bench", "heuristics", *words, "--shard", "1/2"]) == 0
     assert "robotpack bench merge writes the report" in capsys.readouterr().err
     assert {path.suffix for path in tmp_path.iterdir()} == {".jsonl", ".json", ".lock"}
     assert [path.name for path in tmp_path.glob("*.json")] == ["heuristics.spec.json"]

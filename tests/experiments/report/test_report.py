@@ -16,6 +16,7 @@ import pytest
 from packenv import api
 from packenv.experiments.report import write_report
 from packenv.experiments.results import Result
+from packenv.experiments.spec import RunSpec
 from packenv.types import Container, Order, Plan
 from packenv.watcher import Watcher
 
@@ -323,6 +324,9 @@ def test_routes_of_the_fallback(tmp_path: Path) -> None:
     page, _ = written(tmp_path, result(line(), experiment="fallback"), rows=rows)
     assert {"later in the sequence", "5D search", "paper"} <= set(page.words)
     assert "of 10 items" in page.text
+    fewer, _ = written(tmp_path, result(line(), experiment="fallback", spec=RunSpec(items=4)), rows=rows)
+    assert "5D search" in fewer.words
+    assert "paper" not in fewer.words
 
 
 def test_times_of_both_searches(tmp_path: Path) -> None:
