@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -38,6 +39,8 @@ WITNESSES = ("hm", "dblf", "mta", "minz")
 """An order that one of these, or a method that is compared, packs without overlap is *feasible*."""
 GLS = "gls"
 SEARCH_5D = "search=5d"
+WARM = 4
+"""Items of the plan that a worker makes in each way before it tells any time of it."""
 _TIMEOUT = 1800.0
 
 
@@ -46,12 +49,13 @@ class _Worker:
 
     spec: RunSpec | None = None
     shelves: dict[tuple[GridConfig, Geometry], ItemShelf]
+    warm: set[PlanOptions]
 
 
 def prepare(spec: RunSpec, folder: str) -> None:
     """Open the catalogue in this process, unless it was open when this one was forked."""
     if _Worker.spec != spec:
-        _Worker.spec, _Worker.shelves = spec, {}
+        _Worker.spec, _Worker.shelves, _Worker.warm = spec, {}, set()
 
 
 def shelf_of(options: PlanOptions) -> ItemShelf:
@@ -80,6 +84,9 @@ def work(job: Job) -> dict[str, Any]:
     """Plan one order and audit the plan; ``prepare_cpu_s`` is what maps of all orientations of a 5D search take."""
     shelf = shelf_of(job.options)
     shelf.load(job.order, fields=job.options.constraints != "overlap")
+    if job.options not in _Worker.warm:  # kernels are compiled or loaded by the first plan that needs them
+        plan_again(replace(job, order=job.order[:WARM]))
+        _Worker.warm.add(job.options)
     start = time.process_time()
     if job.options.search == "5d":
         _tilt(job, shelf)
