@@ -114,6 +114,9 @@ def refine(robot: Robot, joints: FloatArray, *, spacing: float = 0.002) -> Float
         path.append(before + share * (after - before))
     places = np.cumsum([0, *(len(part) for part in path[1:])])
     found = robot.continuous_branches(np.concatenate(path)).q
+    # A joint that stands at half a turn may come out at minus half a turn: the same posture, a whole turn away.
+    found = found + 2.0 * np.pi * np.round((joints[0] - found[:, :1]) / (2.0 * np.pi))
+    found = found[(robot.limit_margin(found) >= -_SAME).all(axis=1)]
     errors = np.abs(found[:, places] - joints).max(axis=(1, 2))
     if not len(errors) or errors.min() > _SAME:
         raise ValueError("the waypoints do not lie on one branch of the inverse kinematics")

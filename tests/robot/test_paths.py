@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from packenv.robot.motion import refine
 from packenv.robot.protocol import MAX_STEP
 from tests.robot.sampling import LOWER, TX90, UPPER, random_joints, turn_free
 
@@ -126,3 +127,32 @@ def test_the_chosen_branch_has_the_largest_margin():
 def test_an_empty_path_is_refused():
     with pytest.raises(ValueError, match="empty"):
         TX90.continuous_branches(np.empty((0, 4, 4)))
+
+
+def straight_down():
+    """(6, 4, 4) flange poses from a posture whose fourth joint stands at half a turn, 10 cm straight down."""
+    top = TX90.forward(np.array([-2.792, -0.339, -2.2068, np.pi, 0.5958, -2.792]))
+    path = np.repeat(top[None], 6, axis=0)
+    path[:, 2, 3] -= np.linspace(0.0, 0.1, 6)
+    return path
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi, -2.0 * np.pi])
+def test_waypoints_are_filled_up_whatever_turn_a_joint_is_given_in(turn):
+    """Half a turn and minus half a turn are one posture; which one inverse kinematics finds is chance."""
+    branches = TX90.continuous_branches(straight_down()).q
+    half = branches[np.abs(np.abs(branches[:, 0, 3]) - np.pi) < 1e-9]
+    assert len(half)
+    for found in half:
+        given = found.copy()
+        given[:, 3] += turn
+        if TX90.limit_margin(given).min() < 0.0:
+            with pytest.raises(ValueError, match="do not lie on one branch"):
+                refine(TX90, given)
+            continue
+        fine = refine(TX90, given)
+        assert len(fine) > len(given)
+        for waypoint in given:
+            assert np.abs(fine - waypoint).max(axis=1).min() < 1e-6
+        assert np.abs(np.diff(fine, axis=0)).max() < 0.05
+        assert TX90.limit_margin(fine).min() >= 0.0
