@@ -6,7 +6,7 @@ from . import one_thread  # noqa: F401  isort: skip
 
 import argparse
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -234,15 +234,15 @@ def _tell(
 
 @dataclass(frozen=True)
 class _PlansAgain:
-    """Plans of rows, for a report."""
+    """Plans of rows, for a report: of each experiment its jobs by key, and what makes one's plan again."""
 
     catalogue: Items
-    done: Mapping[str, _Done]
+    jobs: Mapping[str, Mapping[str, Job]]
+    again: Mapping[str, Callable[[Job], Plan | ExecutedPlan]]
 
     def plan_of(self, experiment: str, row: Row) -> Plan | ExecutedPlan:
         """The plan of a row, made again."""
-        done = self.done[experiment]
-        return done.each.again(next(job for job in done.jobs if job.key == row["key"]))
+        return self.again[experiment](self.jobs[experiment][row["key"]])
 
 
 def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> None:
@@ -253,7 +253,11 @@ def _write_report(folder: RunFolder, done: Sequence[_Done], *, anew: bool) -> No
     named = {each.result.experiment: each for each in done}
     specs = {name: each.result.spec for name, each in named.items()}
     spec = done[0].result.spec
-    pictures = _PlansAgain(api.load_catalogue(spec.catalogue, unit=spec.unit), named)
+    pictures = _PlansAgain(
+        api.load_catalogue(spec.catalogue, unit=spec.unit),
+        {name: {job.key: job for job in each.jobs} for name, each in named.items()},
+        {name: each.each.again for name, each in named.items()},
+    )
     try:
         write_report(
             folder.path,

@@ -10,6 +10,7 @@ from typing import Any
 
 from packenv.errors import InputError
 from packenv.io.files import write_whole
+from packenv.io.rows import read_rows
 from packenv.json_text import read_json
 
 from .results import Result
@@ -112,8 +113,6 @@ def merge_rows(sources: Sequence[Path], target: Path) -> int:
     Raises:
         InputError: a file holds something else.
     """
-    from packenv.io.rows import read_rows
-
     best: dict[tuple[str, str], dict[str, Any]] = {}
     for source in sources:
         for row in read_rows(source):

@@ -192,11 +192,7 @@ def heuristics_jobs(spec: RunSpec) -> list[Job]:
         for method in _of_setting(setting, methods)
     ]
     ways += [(witness, "overlap", "default") for witness in WITNESSES]
-    return _jobs(spec, (spec.box,), partial(_large, spec.items), dict.fromkeys(ways))
-
-
-def _large(items: int, names: Sequence[str], *, count: int, seed: int) -> list[list[str]]:
-    return random_orders(names, items, count, seed)
+    return _jobs(spec, (spec.box,), partial(random_orders, size=spec.items), dict.fromkeys(ways))
 
 
 def small_orders_jobs(spec: RunSpec) -> list[Job]:
@@ -214,13 +210,13 @@ def search5d_jobs(spec: RunSpec) -> list[Job]:
     """HM with the fallback, and all orientations at once."""
     settings = spec.settings or ("default",)
     ways = [("hm", "robot", f"{setting}{more}") for setting in settings for more in ("", f",{SEARCH_5D}")]
-    return _jobs(spec, (spec.box,), partial(_large, spec.items), ways)
+    return _jobs(spec, (spec.box,), partial(random_orders, size=spec.items), ways)
 
 
 def fallback_jobs(spec: RunSpec) -> list[Job]:
     """HM with the fallback: the same rows as those of the heuristics."""
     ways = [("hm", "robot", setting) for setting in spec.settings or ("default", "paper")]
-    return _jobs(spec, (spec.box,), partial(_large, spec.items), ways)
+    return _jobs(spec, (spec.box,), partial(random_orders, size=spec.items), ways)
 
 
 def _experiment(

@@ -16,6 +16,9 @@ An item as large as the container fits, and so does a stack of exact layers, who
 EngineName: TypeAlias = Literal["auto", "bullet", "mujoco"]
 """A physics engine; ``auto``: PyBullet where it is installed, else MuJoCo."""
 
+UNIT_NAMES = ("m", "cm", "mm", "in")
+"""Units that meshes may have."""
+
 GRAVITY = 9.81
 """Acceleration of gravity, m/s²."""
 

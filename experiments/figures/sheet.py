@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from packenv.errors import InputError
 from packenv.io.files import write_whole
 from packenv.types import Plan
 from packenv.view.colours import hex_colour, item_colour
@@ -54,20 +53,6 @@ def legend(plan: Plan) -> tuple[tuple[str, str], ...]:
     """Colours and names of a plan's items in packing sequence."""
     names = piece_names(plan.placements)
     return tuple((hex_colour(item_colour(k)), name) for k, name in enumerate(names))
-
-
-def check_matplotlib() -> None:
-    """Refuse to begin without what figures are drawn with.
-
-    Raises:
-        InputError: matplotlib is not installed.
-    """
-    try:
-        import matplotlib as mpl  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "figures need the package matplotlib, which is not installed: pip install 'robotpack[bench]'"
-        ) from None
 
 
 def sheet(panels: Sequence[Panel], columns: int) -> Figure:

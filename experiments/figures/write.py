@@ -12,11 +12,11 @@ from packenv.io.files import write_whole
 from packenv.items.catalogue import open_catalogue
 from packenv.watcher import SILENT, Watcher
 
+from ..extras import require_extras
 from .bowls import bowls
 from .failure import failure
 from .figure import Figure, Source
 from .galleries import large_gallery, small_gallery
-from .sheet import check_matplotlib
 from .terrain import heightmap
 from .waste import stable_versus_not
 
@@ -59,7 +59,7 @@ def write_figures(
     Raises:
         InputError: matplotlib is not installed, the seed or the catalogue cannot be used, or a file cannot be written.
     """
-    check_matplotlib()
+    require_extras("figures", "matplotlib")
     if seed < 0:
         raise InputError(f"seed is {seed}, give a whole number of at least 0")
     source = Source(open_catalogue(catalogue, unit=unit), unit, seed, engine, out, watcher)

@@ -3,9 +3,8 @@
 :mod:`.tables` makes the tables, :mod:`.sentences` what is said of them; writers only lay them out.
 """
 
-from .extras import require_extras
 from .gallery import Pictures
 from .text import text_table
 from .writing import write_report
 
-__all__ = ["Pictures", "require_extras", "text_table", "write_report"]
+__all__ = ["Pictures", "text_table", "write_report"]

@@ -11,6 +11,7 @@ from packenv.version import __version__
 from packenv.watcher import SILENT, Watcher
 
 from ..experiment import Row
+from ..extras import require_extras
 from ..results import Result
 from .document import (
     PAGES,
@@ -27,7 +28,6 @@ from .document import (
     Section,
     Text,
 )
-from .extras import require_extras
 from .gallery import Pictures, Showcase, Shown
 from .markdown import markdown_text
 from .page import page_text
@@ -75,7 +75,7 @@ def write_report(
     Raises:
         InputError: a package is missing, or a file cannot be written.
     """
-    require_extras()
+    require_extras("report.html and report.md", "jinja2", "matplotlib")
     commands = tuple(map(printable, command.splitlines()))
     for name in (PLOTS, PICTURES, PAGES):
         try:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from packenv.cli import numbers
-from packenv.config import EngineName
+from packenv.config import UNIT_NAMES, EngineName
 from packenv.planning.options import Constraints
 
 EXPERIMENTS = {
@@ -51,26 +51,27 @@ def add_bench(commands: argparse._SubParsersAction[Any]) -> None:
     figures.add_argument(
         "--out", metavar="DIR", type=Path, default=Path("runs/figures"), help="default: %(default)s"
     )
-    figures.add_argument(
-        "--seed", type=numbers.seed, default=0, metavar="N", help="of the orders (default: %(default)s)"
-    )
-    figures.add_argument("--engine", choices=get_args(EngineName), default="auto", help="of executions")
-    _add_catalogue(figures)
+    _add_source(figures)
     for parser in actions.choices.values():
         parser.set_defaults(module=MODULE)
 
 
-def _add_catalogue(parser: argparse.ArgumentParser) -> None:
+def _add_source(parser: argparse.ArgumentParser) -> None:
+    """Options of whatever draws orders of a catalogue and may carry them out."""
     parser.add_argument(
         "--catalogue", default="builtin", metavar="DIR", help="folder of meshes (default: %(default)s)"
     )
+    parser.add_argument("--unit", choices=UNIT_NAMES, help="unit of the meshes (default: metres)")
     parser.add_argument(
-        "--unit", choices=("m", "cm", "mm", "in"), help="unit of the meshes (default: metres)"
+        "--seed", type=numbers.seed, default=0, metavar="N", help="of the orders (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--engine", choices=get_args(EngineName), default="auto", help="of executions (default: %(default)s)"
     )
 
 
 def _add_experiment(parser: argparse.ArgumentParser) -> None:
-    _add_catalogue(parser)
+    _add_source(parser)
     parser.add_argument(
         "--orders", type=numbers.at_least_one, default=20, metavar="N", help="orders (default: %(default)s)"
     )
@@ -86,9 +87,6 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
         default="0.32x0.32x0.30",
         metavar="SIZE|ID",
         help="of large orders (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed", type=numbers.seed, default=0, metavar="N", help="of the orders (default: %(default)s)"
     )
     parser.add_argument(
         "--methods",
@@ -129,9 +127,6 @@ def _add_experiment(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME",
         help="of the experiment execution (default: the usual ones)",
-    )
-    parser.add_argument(
-        "--engine", choices=get_args(EngineName), default="auto", help="of executions (default: %(default)s)"
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs/bench"), metavar="DIR", help="default: %(default)s"

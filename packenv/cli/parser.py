@@ -9,13 +9,11 @@ from typing import Any, NoReturn, get_args
 
 from packenv.cli import numbers
 from packenv.cli.bench import add_bench
-from packenv.config import EngineName
+from packenv.config import UNIT_NAMES, EngineName
 from packenv.errors import closest_match
 from packenv.planning.options import PRESETS, PlanOptions, grid_rules, rules
 from packenv.robot.timing import MotionLimits
 from packenv.version import __version__
-
-UNIT_NAMES = ("m", "cm", "mm", "in")
 
 
 class _Parser(argparse.ArgumentParser):

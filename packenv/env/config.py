@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
-from packenv.config import EngineName, GridConfig
+from packenv.config import UNIT_NAMES, EngineName, GridConfig
 from packenv.errors import InputError, check_known
 from packenv.planning.options import (
     AUTO,
@@ -36,7 +36,7 @@ _RULES: Final = {
     "stability": Rule("what the pile must stand", ("paper", "margin")),
     "arrivals": Rule("whether the whole order is known", ("offline", "online")),
     "on_infeasible": Rule("what happens when an item is left over", ("skip", "terminate")),
-    "unit": Rule("of the meshes", ("m", "cm", "mm", "in"), optional=True),
+    "unit": Rule("of the meshes", UNIT_NAMES, optional=True),
     "candidates": Rule("rows of candidates", whole=True, least=1, most=4096),
     "map_step": Rule("cells along a pixel", whole=True, least=1, most=100),
     "max_items": Rule("rows of items", whole=True, least=1, most=1024),

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -100,6 +101,22 @@ def run(
     )
     with closing(done):
         return sorted(done, key=lambda outcome: outcome.job.number)
+
+
+def run_with_one_killed(
+    backend: BackendName, folder: Path, number: int = signal.SIGKILL, *, jobs: int = 4
+) -> list[Outcome[Job]]:
+    """Some jobs; the process of the second is ended from outside by a signal."""
+
+    def kill() -> None:
+        until(lambda: any(folder.iterdir()))
+        os.kill(int(next(folder.iterdir()).name), number)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcomes = run(backend, [Job(0), Job(1, "tell", folder), *map(Job, range(2, jobs))], timeout=50.0)
+    killer.join()
+    return outcomes
 
 
 def told(outcomes: Iterable[Outcome[Job]]) -> list[tuple[Any, ...]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -25,6 +24,7 @@ from tests.backends.samples import (
     prepare,
     processes_of,
     run,
+    run_with_one_killed,
     told,
     until,
     work,
@@ -59,15 +59,7 @@ def test_a_job_that_takes_its_process_down_costs_its_own_row_alone(workers: int)
 @pytest.mark.skipif(not hasattr(signal, "SIGRTMIN"), reason="this system has no signals without a name")
 def test_a_signal_without_a_name_costs_one_row_as_well(tmp_path: Path) -> None:
     number = signal.SIGRTMIN + 1
-
-    def kill() -> None:
-        until(lambda: any(tmp_path.iterdir()))
-        os.kill(int(next(tmp_path.iterdir()).name), number)
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    outcomes = run("pebble", [Job(0), Job(1, "tell", tmp_path), Job(2)], timeout=50.0)
-    killer.join()
+    outcomes = run_with_one_killed("pebble", tmp_path, number, jobs=3)
     assert [o.status for o in outcomes] == ["ok", "died", "ok"]
     assert outcomes[1].error == f"its process died (signal {number})"
 
@@ -94,14 +86,7 @@ def test_time_counts_from_the_start_of_a_job() -> None:
 
 
 def test_a_worker_that_is_killed_from_outside_costs_one_row(tmp_path: Path) -> None:
-    def kill() -> None:
-        until(lambda: any(tmp_path.iterdir()))
-        os.kill(int(next(tmp_path.iterdir()).name), signal.SIGKILL)
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    outcomes = run("pebble", [Job(0), Job(1, "tell", tmp_path), Job(2), Job(3)], timeout=50.0)
-    killer.join()
+    outcomes = run_with_one_killed("pebble", tmp_path)
     assert [o.status for o in outcomes] == ["ok", "died", "ok", "ok"]
     assert outcomes[1].error == "its process died (SIGKILL)"
 

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -25,6 +24,7 @@ from tests.backends.samples import (
     prepare,
     processes_of,
     run,
+    run_with_one_killed,
     told,
     until,
     work,
@@ -84,14 +84,7 @@ class TestOnOneRay:
         assert statuses == ["ok"] * 4
 
     def test_a_worker_that_is_killed_from_outside_costs_one_row(self, tmp_path: Path) -> None:
-        def kill() -> None:
-            until(lambda: any(tmp_path.iterdir()))
-            os.kill(int(next(tmp_path.iterdir()).name), signal.SIGKILL)
-
-        killer = threading.Thread(target=kill)
-        killer.start()
-        outcomes = run("ray", [Job(0), Job(1, "tell", tmp_path), Job(2), Job(3)], timeout=50.0)
-        killer.join()
+        outcomes = run_with_one_killed("ray", tmp_path)
         assert [o.status for o in outcomes] == ["ok", "died", "ok", "ok"]
 
     def test_every_process_is_prepared_once_before_its_first_job_and_has_one_thread(self) -> None:
